@@ -52,6 +52,7 @@ def test_the_longest_chain_of_units_is_short(imports):
             {
                 "array_hints",
                 "bits_checks",
+                "byte_levels",
                 "channels",
                 "counting",
                 "crop",

@@ -119,7 +119,13 @@ def test_the_frames_that_help_at_a_speed_are_printed(run):
         (["1:2", "--plot", "a.txt"], "ends in .png"),
         (["1:2", "--frames", 0], "frames: expected"),
         (["1:2", "--gain", 3], "gain: has no effect, because the light is in photons per jot"),
-        (["1:2", "--gain", "4,1", "--frames", 2], "jotlight.plan_brackets finds exposures that"),
+        (
+            ["1:2", "--gain", "4,1"],
+            "gain: expected one number for all readings, got 4,1; in Py",
+        ),
+        (["1:2", "-q", "1,3", "--frames", 4], "threshold: expected one number for all readings, g"),
+        (["1:2", "-q", "1,3,..."], "jotlight.plan_brackets finds exposures that differ"),
+        (["1:2", "-q", "thresholds.npy"], "for all readings, got thresholds.npy; in Python"),
     ],
 )
 def test_invalid_arguments_get_one_line_that_names_the_cause(run, arguments, expected):
@@ -127,6 +133,15 @@ def test_invalid_arguments_get_one_line_that_names_the_cause(run, arguments, exp
     assert status == 1
     [line] = output.splitlines()
     assert expected in line
+
+
+def test_the_help_promises_one_threshold(run):
+    status, output = run("plan", "--help")
+    assert status == 0
+    assert "several" not in output
+    assert "number of photons that make a jot report 1. Default: 1." in " ".join(
+        output.replace("│", "").split()
+    )
 
 
 def test_an_exposure_time_is_refused_with_the_option_to_use(run):

@@ -7,8 +7,8 @@ In reading order:
   ``calibrate``, ``train``, ``fine_tune``, ``evaluate``, ``reproduce``, ``plan``, ``info``,
   ``convert``, ``gather``, ``view``.
 - Option groups, each declared once as a dataclass: ``common_options``, ``capture_options``,
-  ``sensor_options``, ``method_options``, ``motion_options``, ``output_options``,
-  ``run_options``, ``training_options``.
+  ``sensor_options`` with ``sensor_values``, ``method_options``, ``motion_options``,
+  ``output_options``, ``run_options``, ``training_options``.
 - Steps of ``reconstruct`` and ``film``: ``inputs``, ``captured``, ``applied_calibration``,
   ``reconstruction``, ``color_choice``, ``advice``, ``jot_checks``, ``records``.
 - ``many``, ``capture_jobs``: runs over many captures. ``run_notes``: what they assume.

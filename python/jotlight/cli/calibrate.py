@@ -14,7 +14,7 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import check_outputs_of, check_trials, provenance_notes
 from jotlight.cli.common_options import CAPTURE_PANEL, Threads, convert_file
 from jotlight.cli.console import progress, report
-from jotlight.cli.sensor_options import read_mosaic
+from jotlight.cli.sensor_values import read_mosaic
 from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits import Bits

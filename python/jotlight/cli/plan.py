@@ -15,6 +15,7 @@ from jotlight.estimators.planned_motion import MIN_FRAMES, MotionPlan
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
 from jotlight.files import check_outputs
+from jotlight.formats.images.maps import is_map
 from jotlight.motion.cost import motion_cost
 from jotlight.sensing.sensor import Sensor
 
@@ -59,9 +60,15 @@ class PlanOptions:
             raise ValueError(f"frame-rate: expected frames per second above 0, got {rate}")
         if sensor.exposure_time is not None:
             raise ValueError("exposure-time: for light per second, state --frame-rate instead")
-        gain = sensor.gain
-        # jotlight.plan refuses several gains. One changes only what --max-intensity means.
-        if gain is not None and "," not in gain and sensor.max_intensity is None:
+        for name in ("gain", "threshold"):
+            text = getattr(sensor, name)
+            if text is not None and ("," in text or is_map(text)):
+                raise ValueError(
+                    f"{name}: expected one number for all readings, got {text}; in Python, "
+                    "jotlight.plan_brackets finds exposures that differ"
+                )
+        # A gain changes only what --max-intensity means.
+        if sensor.gain is not None and sensor.max_intensity is None:
             raise ValueError(
                 "gain: has no effect, because the light is in photons per jot; leave it out"
             )

@@ -1,26 +1,19 @@
 """Options that describe a sensor."""
 
 import dataclasses
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-import numpy.typing as npt
 from cyclopts import Parameter
 
 from jotlight.cli.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL, convert_file
-from jotlight.formats.images.maps import is_map, read_map, read_mask
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.cli.sensor_values import number_or_map, read_mosaic, values_of_frames
+from jotlight.formats.images.maps import is_map, read_mask
 from jotlight.sensing.sensor import KERNELS
 
 _OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera."
 _FRAMES = "T: number of binary frames."
 _MAX_INTENSITY = "S: largest intensity of an estimate."
-
-_REPEATS = ",..."
-"""The end of a list of values that repeat, one for each frame."""
 
 _NoOption = Annotated[None, Parameter(parse=False)]
 """The type of a parameter that a command does not take."""
@@ -134,11 +127,11 @@ class SensorOptions:
         kwargs = self._set()
         for name in ("dark_counts", "efficiency"):
             if name in kwargs:
-                kwargs[name] = _number_or_map(name, kwargs[name])
+                kwargs[name] = number_or_map(name, kwargs[name])
         frames = kwargs.get("frames")
         for name, kind in (("gain", float), ("threshold", int)):
             if name in kwargs:
-                kwargs[name] = _values_of_frames(name, kwargs[name], kind, frames)
+                kwargs[name] = values_of_frames(name, kwargs[name], kind, frames)
         if "mosaic" in kwargs:
             kwargs["mosaic"] = read_mosaic(str(kwargs["mosaic"]))
         if "mask" in kwargs:
@@ -222,6 +215,14 @@ class PlannedSensorOptions(CalibratedSensorOptions):
             "only defines the unit of --max-intensity. Default: K, the number of bits per pixel."
         ),
     ] = None
+    threshold: Annotated[
+        str | None,
+        Parameter(
+            alias="-q",
+            converter=convert_file,
+            help="q: number of photons that make a jot report 1. Default: 1.",
+        ),
+    ] = None
     max_intensity: Annotated[
         float | None,
         Parameter(help=f"{_MAX_INTENSITY} Default: the one half a count below saturation."),
@@ -283,68 +284,3 @@ class TunedSensorOptions(CapturedSensorOptions):
     bit_depth: _NoOption = None
     read_noise: _NoOption = None
     mosaic: _NoOption = None
-
-
-def read_mosaic(text: str) -> Mosaic | str:
-    """Return the mosaic of an option: letters, or the mosaic in a file of JSON.
-
-    Raises
-    ------
-    ValueError
-        When the file holds no mosaic.
-    """
-    if not text.endswith(".json"):
-        return text
-    path = Path(text)
-    try:
-        content = json.loads(path.read_bytes())
-    except ValueError as error:
-        raise ValueError(f"{path}: expected an object of JSON: {error}") from error
-    if not isinstance(content, dict):
-        raise ValueError(f"{path}: expected an object with pattern and filters")
-    try:
-        return Mosaic.of(content)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{path}: {error}") from error
-
-
-def _number_or_map(name: str, text: str) -> float | npt.NDArray[Any]:
-    if is_map(text):
-        return read_map(text)
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(
-            f"{name}: expected a number, or a .npy or .tif map, got {text!r}"
-        ) from None
-
-
-def _values_of_frames(
-    name: str, text: str, kind: Callable[[str], float], frames: int | None
-) -> float | npt.NDArray[Any]:
-    """Return a number, the values of all frames, or for thresholds the map in a file.
-
-    Raises
-    ------
-    ValueError
-        When a value is no number, or the frames are no multiple of the values.
-    """
-    if name == "threshold" and is_map(text):
-        return read_map(text)
-    repeats, text = text.endswith(_REPEATS), text.removesuffix(_REPEATS)
-    try:
-        values = [kind(part) for part in text.split(",")]
-    except ValueError:
-        some = ", or a .npy or .tif map" if name == "threshold" else ""
-        raise ValueError(
-            f"{name}: expected a number, or several such as 64,8,1{some}, got {text!r}"
-        ) from None
-    if len(values) == 1:
-        return values[0]
-    if frames is None or (frames % len(values) and not repeats):
-        got = "none" if frames is None else f"--frames {frames}"
-        raise ValueError(
-            f"{name}: with {len(values)} values, expected a multiple of {len(values)} frames in "
-            f"--frames, got {got}"
-        )
-    return np.resize(values, frames) if repeats else np.repeat(values, frames // len(values))
