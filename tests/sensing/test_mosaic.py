@@ -190,6 +190,19 @@ def test_bad_mosaics_are_refused(arguments, message):
 
 
 @pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"transmission": {"R": [1, 0, 0]}}, r"a row a filter, got \{'R': \[1, 0, 0\]\}"),
+        ({"transmission": [[1, 0, 0], [0, 1]]}, "transmission: expected numbers such as"),
+        ({"white_balance": "daylight"}, r"such as \[2.0, 1.0, 1.5\], got 'daylight'"),
+    ],
+)
+def test_other_values_than_numbers_are_refused(arguments, message):
+    with pytest.raises(TypeError, match=message):
+        Mosaic("RGGB", **arguments)
+
+
+@pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"pattern": {"size": [20, 20], "zlib": "AAAA"}}, "the map is damaged"),

@@ -220,7 +220,7 @@ def test_what_needs_single_bits_says_so():
         jl.admm_tv(readings)
     with pytest.raises(ValueError, match="reading_probability"):
         several_bits().probability(IMAGE)
-    with pytest.raises(ValueError, match="out: expected none"):
+    with pytest.raises(ValueError, match=r"out: expected none, .* has . bits and read noise"):
         several_bits().expose(IMAGE, out=np.zeros((5, 60, 5), np.uint8))
     with pytest.raises(ValueError, match="a sum of frames does not say which"):
         jl.mle(np.ones((30, 20), int), several_bits())

@@ -151,8 +151,10 @@ def plan_brackets(
     best_rate = max(1.6, 0.7 * sensor.max_reading)
     brightest = levels[-1] * reference_jot(sensor)[0] / best_rate
     fractions = _checked_exposures(exposures, brightest)
-    if not len(thresholds):
-        raise ValueError("thresholds: expected at least one, got none")
+    if np.ndim(thresholds) != 1 or not len(thresholds):
+        raise ValueError(
+            f"thresholds: expected a list with at least one, such as [1, 3], got {thresholds!r}"
+        )
     qs = [sensor.replace(threshold=q).threshold for q in thresholds]
     settings = [(float(fraction), q) for fraction in fractions for q in sorted(set(qs))]
     choice = FrameDivision(sensor, settings, levels)

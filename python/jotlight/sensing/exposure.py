@@ -148,6 +148,7 @@ class Exposure(Parameters):
             A range of frames. Default: all.
         out : ndarray of uint8, optional
             The array for the packed bits, of the shape of ``Bits.packed``, after that of a stack.
+            Readings of several bits, and bits with read noise, take none.
         threads : int, optional
             The number of threads. Default: all.
         progress : callable, optional
@@ -190,7 +191,8 @@ class Exposure(Parameters):
         is_plain = self.bit_depth == 1 and not self.read_noise
         if out is not None and not is_plain:
             raise ValueError(
-                "out: expected none, because it is for bits without read noise; leave it out"
+                "out: expected none, because it holds packed bits without read noise, and the "
+                f"sensor has {self.bit_depth} bits and read noise {self.read_noise:g}; leave it out"
             )
         seed = seed_bytes(rng)
         draw = Draw(self.engine_parts(), pixels, layout, seed, window, threads, progress)

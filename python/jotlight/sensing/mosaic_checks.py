@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import to_array
+from jotlight.checks import shown, to_array
 from jotlight.sensing import mosaic_text
 from jotlight.sensing.maps import LIMITS
 
@@ -60,6 +60,16 @@ def are_ideal(filters: str, transmission: Colors) -> bool:
     )
 
 
+def _numbers(name: str, values: Any, example: str) -> Colors:
+    """Return a new array of float64, or raise TypeError for other values than numbers."""
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"{name}: expected numbers such as {example}, got {shown(values)}"
+        ) from error
+
+
 def checked_transmission(transmission: Any, pattern: Pattern, filters: str) -> Colors:
     """Return the transmission of filters after checks. None stands for ideal filters."""
     if transmission is None:
@@ -75,7 +85,7 @@ def checked_transmission(transmission: Any, pattern: Pattern, filters: str) -> C
                 'Mosaic("ABCD", filters="ABCD", transmission=[[0.9, 0.1, 0.0], …])'
             )
         return np.array([LETTERS[letter] for letter in filters])
-    matrix = np.array(transmission, dtype=np.float64)
+    matrix = _numbers("transmission", transmission, "[[0.9, 0.1, 0.0], …], a row a filter")
     if matrix.shape != (len(filters), 3):
         raise ValueError(
             f"transmission: expected shape {(len(filters), 3)}, the shares of red, green, and blue "
@@ -91,7 +101,7 @@ def checked_transmission(transmission: Any, pattern: Pattern, filters: str) -> C
 
 def checked_white_balance(values: npt.ArrayLike) -> Colors:
     """Return three factors after checks."""
-    factors = np.array(values, dtype=np.float64)
+    factors = _numbers("white_balance", values, "[2.0, 1.0, 1.5]")
     if factors.shape != (3,):
         raise ValueError(
             "white_balance: expected three factors, of red, green, and blue, got shape "
