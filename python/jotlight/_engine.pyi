@@ -73,6 +73,7 @@ __all__ = [
     "probability",
     "rate",
     "read_words",
+    "readings_distribution",
     "readings_gradient_and_curvature",
     "readings_information",
     "readings_log_likelihood",
@@ -596,6 +597,12 @@ def readings_gradient_and_curvature(
 def readings_log_probability(
     response: _Response,
     readings: npt.NDArray[np.int32],
+    rates: npt.NDArray[np.float64],
+    out: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def readings_distribution(
+    response: _Response,
     rates: npt.NDArray[np.float64],
     out: npt.NDArray[np.float64],
     threads: int | None,

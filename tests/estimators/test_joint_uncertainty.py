@@ -222,6 +222,22 @@ def test_intervals_with_a_mask_are_those_without_it():
     np.testing.assert_allclose(known.high[0, 1:60], high, rtol=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:read_noise")
+def test_the_ends_for_many_bits_and_read_noise_have_the_stated_tails():
+    sensor = jl.Sensor(frames=2, gain=400.0, bit_depth=10, read_noise=2.0, max_intensity=4.0)
+    totals = np.array([7, 60, 180, 500, 1000])
+    readings = np.stack([totals // 3, totals - totals // 3])[:, None]
+    result = jl.uncertainty(jl.Readings(readings, sensor), method="mle", confidence_level=0.9)
+
+    def distribution(intensity):
+        one = reading_probability(np.arange(1024), 200 * intensity, bit_depth=10, read_noise=2.0)
+        return np.convolve(one, one)
+
+    for total, low, high in zip(totals, result.low[0], result.high[0], strict=True):
+        assert distribution(low)[total:].sum() == pytest.approx(0.05, rel=1e-4)
+        assert distribution(high)[: total + 1].sum() == pytest.approx(0.05, rel=1e-4)
+
+
 def test_a_zero_outside_of_the_range_has_its_end():
     targets = np.array([1e-300, 0.25, 7.0])
     low, high = find_zeros(lambda x, places: x - targets[places], 3, 2.0)

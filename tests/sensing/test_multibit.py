@@ -6,7 +6,11 @@ import pytest
 from scipy import stats
 
 from jotlight import _engine as engine
-from jotlight.sensing.multibit import ReadingLikelihood, reading_probability
+from jotlight.sensing.multibit import (
+    ReadingLikelihood,
+    reading_distribution,
+    reading_probability,
+)
 from jotlight.sensing.response import JotResponse
 from reference import multibit
 
@@ -52,6 +56,20 @@ def test_probabilities_agree_with_mpmath(response, rate):
             reading, rate, bit_depth=bit_depth, read_noise=noise, threshold=threshold
         )
         assert abs(float(own) - expected) <= 1e-10 * expected or expected < 1e-300
+
+
+@pytest.mark.parametrize("response", [*RESPONSES, (10, 2.0, 1), (10, 30.0, 1), (12, 0.0, 1)])
+@pytest.mark.parametrize("length", [1, 3, 200])
+def test_the_distribution_has_the_probabilities_of_all_readings(response, length):
+    bit_depth, noise, threshold = response
+    options = {"bit_depth": bit_depth, "read_noise": noise, "threshold": threshold}
+    rates = np.array([0.0, 1e-9, 0.3, 4.7, 30.0, 190.0, 900.0, 1e6, np.inf])
+    readings = np.arange(min(length, 2**bit_depth))
+    expected = np.zeros((len(rates), length))
+    expected[:, : len(readings)] = reading_probability(readings, rates[:, None], **options)
+    own = JotResponse(2**bit_depth - 1, noise, threshold)
+    found = reading_distribution(own, rates, length, threads=1)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("response", RESPONSES)

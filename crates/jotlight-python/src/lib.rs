@@ -70,8 +70,8 @@ mod _engine {
     };
     #[pymodule_export]
     use super::multibit::{
-        draw_readings, readings_gradient_and_curvature, readings_information,
-        readings_log_likelihood, readings_log_probability, readings_moments,
+        draw_readings, readings_distribution, readings_gradient_and_curvature,
+        readings_information, readings_log_likelihood, readings_log_probability, readings_moments,
     };
     #[pymodule_export]
     use super::network::{

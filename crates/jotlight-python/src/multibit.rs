@@ -3,7 +3,10 @@
 use jotlight::multibit::{self, Cells, Response, Sample};
 use jotlight::sensing::Window;
 use ndarray::Axis;
-use numpy::{PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray4};
+use numpy::{
+    PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray4,
+    PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -145,6 +148,28 @@ pub fn readings_log_probability(
         pairs.zip(out).for_each(|((&reading, &rate), out)| {
             *out = response.ln_probability(reading.max(0).cast_unsigned(), rate);
         });
+        Ok(())
+    })
+}
+
+/// Write P(R = r) at each rate into `out` `(rates, length)`, for r = 0, 1, …, and 0 beyond the
+/// highest reading.
+#[pyfunction]
+#[pyo3(signature = (response, rates, out, threads))]
+pub fn readings_distribution(
+    py: Python<'_>,
+    response: PyResponse,
+    rates: PyReadonlyArray1<'_, f64>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (response, rates) = (response.to_engine()?, rates.as_slice()?);
+    let length = out.shape()[1];
+    let out = out.as_slice_mut()?;
+    check_length("out", rates.len() * length, out.len())?;
+    run(py, threads, || {
+        let rows = out.par_chunks_mut(length.max(1)).zip(rates);
+        rows.for_each(|(row, &rate)| response.write_probabilities(0, rate, row));
         Ok(())
     })
 }

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.joint_term import Term
-from jotlight.sensing.multibit import ReadingLikelihood, reading_probability
+from jotlight.sensing.multibit import ReadingLikelihood, reading_distribution
 from jotlight.sensing.response import Array, detection_probability, silence_probability
 
 MAX_KINDS = 64
@@ -26,23 +26,14 @@ class Cell:
 
     def distribution(self, level: Array, length: int) -> Array:
         """Return the probabilities of sums of 0 to `length` - 1 at each level, (len, length)."""
-        rate = (self.efficiency * self.term.light * level + self.dark_counts)[:, None]
+        rate = self.efficiency * self.term.light * level + self.dark_counts
         cells = self.term.cells
         if isinstance(cells, ReadingLikelihood):
-            highest, noise, threshold = cells.response
-            one = reading_probability(
-                np.arange(min(length, highest + 1)),
-                rate,
-                bit_depth=(highest + 1).bit_length() - 1,
-                read_noise=noise,
-                threshold=threshold,
-                threads=cells.threads,
-            )
-            padded = np.zeros((len(level), length))
-            padded[:, : one.shape[1]] = one
-            return _power(padded, self.trials)
+            one = reading_distribution(cells.response, rate, length, cells.threads)
+            return _power(one, self.trials)
         from scipy.special import gammaln, xlogy
 
+        rate = rate[:, None]
         number = self.trials
         counts = np.arange(min(length, number + 1), dtype=np.float64)
         logarithms = xlogy(counts, detection_probability(cells.threshold, rate))

@@ -75,6 +75,24 @@ def reading_probability(
     return np.asarray(np.exp(out).reshape(readings.shape))
 
 
+def reading_distribution(
+    response: JotResponse, rate: Array, length: int, threads: int | None = None
+) -> Array:
+    """Return the probabilities of the readings 0 to `length` - 1 at each rate, (n, length).
+
+    Readings above the largest one have probability 0. The absolute errors are below 1e-13. This is
+    much faster than :func:`reading_probability`, whose relative errors are small, too.
+
+    Examples
+    --------
+    >>> reading_distribution(JotResponse(3, 0.0, 1), np.ones(1), 5).round(4).tolist()
+    [[0.3679, 0.3679, 0.1839, 0.0803, 0.0]]
+    """
+    out = np.empty((rate.size, length))
+    engine.readings_distribution(response, np.ascontiguousarray(rate), out, threads)
+    return out
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReadingLikelihood:
     """The log-likelihood of readings of several bits, a function of the light s of each cell.
@@ -170,7 +188,9 @@ class ReadingLikelihood:
 
     def distribution(self, light: Array) -> Array:
         """Return the probabilities of all readings at each light, if cells are alike, (n, 2^b)."""
-        return self.probability(np.arange(self.max_reading + 1), light[:, None])
+        return reading_distribution(
+            self.response, self._rate(light), self.max_reading + 1, self.threads
+        )
 
     def probability(self, reading: npt.ArrayLike, light: Array) -> Array:
         """Return the probability of a reading at each light, if cells are alike."""

@@ -8,6 +8,7 @@
 //! log-concave in y, and the average over a Poisson distribution preserves this. So the likelihood
 //! of several readings has one maximum.
 
+mod distribution;
 mod draw;
 mod likelihood;
 mod noise;
@@ -218,8 +219,9 @@ impl Response {
         let top = self.max_reading();
         let bottom = (s - reach - self.lowest as f64).clamp(0.0, f64::from(top)) as u32;
         let end = (s + reach - self.lowest as f64).clamp(0.0, f64::from(top)) as u32;
-        for reading in bottom..end.min(top) {
-            let probability = self.ln_probability(reading, s).exp();
+        let mut probabilities = vec![0.0; (end.min(top) - bottom) as usize];
+        self.write_probabilities(bottom, s, &mut probabilities);
+        for (reading, probability) in (bottom..).zip(probabilities) {
             let value = f64::from(reading) - f64::from(bottom);
             rest -= probability;
             slope += if reading > 0 { probability } else { 0.0 };

@@ -37,6 +37,8 @@ pub(super) struct Noise {
     /// Ratios of successive weights of `cells`, and of `upper`.
     cell_ratios: Vec<f64>,
     upper_ratios: Vec<f64>,
+    /// P(round(z + σ N) = 0) for z = −n, …, n.
+    weights: Vec<f64>,
 }
 
 impl Noise {
@@ -48,17 +50,26 @@ impl Noise {
             upper: Vec::new(),
             cell_ratios: Vec::new(),
             upper_ratios: Vec::new(),
+            weights: Vec::new(),
         };
         noise.cells = (0..=number).map(|z| noise.ln_cell(z)).collect();
         noise.upper = (-number..=number).map(|z| noise.ln_upper(z)).collect();
         let ratios = |values: &[f64]| values.windows(2).map(|w| (w[1] - w[0]).exp()).collect();
         noise.cell_ratios = ratios(&noise.cells);
         noise.upper_ratios = ratios(&noise.upper);
+        let cell = |z: i64| noise.cells[z.unsigned_abs() as usize].exp();
+        noise.weights = (-number..=number).map(cell).collect();
         noise
     }
 
     pub fn sigma(&self) -> f64 {
         self.sigma
+    }
+
+    /// Return the weights of −n to n photons more than a level in this level. Those of more photons
+    /// are below 1e-19.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
     }
 
     /// Return the weight of y + 1 photons in a level over that of y photons.
