@@ -248,6 +248,17 @@ def test_the_public_names_load_nothing_heavy():
         assert not heavy & loaded
 
 
+def test_modules_of_subpackages_are_attributes_only():
+    code = """
+import importlib
+from jotlight import denoise, gates, operators, tv, vst
+for module in denoise, gates, operators, tv, vst:
+    assert importlib.import_module(module.__name__) is module
+    assert importlib.util.find_spec("jotlight." + module.__name__.rpartition(".")[2]) is None
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_the_paper_map_names_functions_and_tests_that_exist():
     rows = (ROOT / "docs/theory/paper_map.md").read_text("utf-8")
     names = set(re.findall(r"`([^`]+)`", rows))
