@@ -250,7 +250,7 @@ def test_the_public_names_load_nothing_heavy():
 
 def test_modules_of_subpackages_are_attributes_only():
     code = """
-import importlib
+import importlib.util
 from jotlight import denoise, gates, operators, tv, vst
 for module in denoise, gates, operators, tv, vst:
     assert importlib.import_module(module.__name__) is module

@@ -37,7 +37,7 @@ def with_trials(sensor: Sensor, trials: float | npt.NDArray[np.float64]) -> Sens
     Examples
     --------
     >>> with_trials(Sensor(frames=16, read_noise=0.3), 4)
-    Sensor(frames=4, gain=0.25, read_noise=0.3)
+    Sensor(frames=4, read_noise=0.3)
     """
     if frames_differ(sensor):
         raise ValueError(
