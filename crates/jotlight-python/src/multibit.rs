@@ -210,10 +210,12 @@ pub fn readings_moments(
     let moments = moments.as_slice_mut()?;
     check_length("moments", 3 * rates.len(), moments.len())?;
     run(py, threads, || {
+        let table = response.moments_table();
         let pairs = moments.as_chunks_mut().0.par_iter_mut().zip(rates);
         pairs.for_each(|(out, &rate): (&mut [f64; 3], _)| {
-            let (mean, variance, slope) = response.moments(rate);
-            *out = [mean, variance, slope];
+            let [mean, variance, slope] = table.at(rate);
+            // Interpolation can make a vanishing variance negative.
+            *out = [mean, variance.max(0.0), slope];
         });
         Ok(())
     })

@@ -139,7 +139,7 @@ impl<'a> JointReadings<'a> {
             return Err(Error::shape("total", self.pixels, total.len()));
         }
         check_search(highest, offset)?;
-        let cells = with_tables(&self.terms, Response::mean_table);
+        let cells = with_tables(&self.terms, Response::moments_table);
         self.for_each_pixel(intensity, |pixel, start| {
             let evaluate = |x: f64| {
                 let (expected, slope) = self.expected_total(pixel, x, &cells);
@@ -199,11 +199,11 @@ impl<'a> JointReadings<'a> {
 
     /// Return the expected sum of the readings of a pixel, and its derivative. `cells` belong to the
     /// terms.
-    fn expected_total<F: Fn(f64) -> [f64; 2] + Sync>(
+    fn expected_total<F: Fn(f64) -> [f64; 3] + Sync>(
         &self,
         pixel: usize,
         intensity: f64,
-        cells: &[Tabulated<'_, RateTable<F, 2>>],
+        cells: &[Tabulated<'_, RateTable<F, 3>>],
     ) -> (f64, f64) {
         let (mut total, mut slope) = (0.0, 0.0);
         for (term, cells) in self.terms.iter().zip(cells) {
@@ -211,7 +211,9 @@ impl<'a> JointReadings<'a> {
             self.for_each_cell(term, pixel, |cell| {
                 let (one, two) = match cells {
                     Tabulated::Bits(readings) => readings.expected_ones(cell, light),
-                    Tabulated::Several(cells, means) => cells.expected_total(cell, light, means),
+                    Tabulated::Several(cells, moments) => {
+                        cells.expected_total(cell, light, moments)
+                    }
                 };
                 total += one;
                 slope += term.light * two;

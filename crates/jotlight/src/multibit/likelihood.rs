@@ -165,17 +165,17 @@ impl<'a> Cells<'a> {
     }
 
     /// Return the expected sum of the readings of one cell, and its derivative about the light.
-    /// `means` is the table of their response.
+    /// `moments` is the table of their response.
     #[must_use]
-    pub fn expected_total<F: Fn(f64) -> [f64; 2] + Sync>(
+    pub fn expected_total<F: Fn(f64) -> [f64; 3] + Sync>(
         &self,
         cell: usize,
         light: f64,
-        means: &RateTable<F, 2>,
+        moments: &RateTable<F, 3>,
     ) -> (f64, f64) {
         let mut number = 0.0;
         self.for_each(cell, |_, times| number += times);
-        let [mean, slope] = means.at(self.rate(cell, light));
+        let [mean, _, slope] = moments.at(self.rate(cell, light));
         (number * mean, number * self.efficiency.get(cell) * slope)
     }
 

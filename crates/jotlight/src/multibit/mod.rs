@@ -188,14 +188,10 @@ impl Response {
         RateTable::new(|s| [self.information(s).ln()], self.saturating_rate())
     }
 
-    /// Return a table of the mean of a reading, and of its derivative.
+    /// Return a table of [`Self::moments`].
     #[must_use]
-    pub fn mean_table(&self) -> RateTable<impl Fn(f64) -> [f64; 2], 2> {
-        let functions = |s| {
-            let (mean, _, slope) = self.moments(s);
-            [mean, slope]
-        };
-        RateTable::new(functions, self.saturating_rate())
+    pub fn moments_table(&self) -> RateTable<impl Fn(f64) -> [f64; 3], 3> {
+        RateTable::new(|s| self.moments(s).into(), self.saturating_rate())
     }
 
     /// Return a rate above which nearly all readings are the highest one.
