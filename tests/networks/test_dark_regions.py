@@ -14,18 +14,22 @@ def photograph():
     return jl.datasets.photograph("camera")[60:252:2, 160:352:2].astype(float)
 
 
+def window(values):
+    return gaussian_filter(values, 8.0, mode="reflect", truncate=4)
+
+
 @pytest.mark.parametrize("trials", [30, np.geomspace(4, 64, 48 * 40).reshape(48, 40)])
 def test_probabilities_are_those_of_the_twin(trials):
     rng = np.random.default_rng(0)
     p = rng.choice([1e-4, 1e-3, 1e-2, 0.2], (48, 40))
     fraction = rng.poisson(0.3 * trials * p) / trials
-    dark = 1 / (1 + (p / 5e-3) ** 2)
-
-    def count(values):
-        window = gaussian_filter(dark * trials * values, 8.0, mode="reflect", truncate=4)
-        return 0.5 + 4 * np.pi * 64 * window
-
-    expected = p * (1 + dark * (count(fraction) / count(p) - 1))
+    empty = 1 / (1 + (p / 5e-4) ** 2)
+    smooth = p + empty * (window(empty * trials * p) / window(empty * trials) - p)
+    dark = 1 / (1 + (smooth / 5e-3) ** 2)
+    ones, of_network = (
+        0.5 + 4 * np.pi * 64 * window(dark * trials * x) for x in (fraction, smooth)
+    )
+    expected = smooth * (1 + dark * (ones / of_network - 1))
     given = (np.float32(each) for each in (p, fraction))
     number = trials if isinstance(trials, int) else np.float32(trials)
     found = match_dark_regions(*given, number)

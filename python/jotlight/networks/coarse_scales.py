@@ -8,8 +8,8 @@ squares say about its coarse structure::
     p + enlarge(w (p' - mean of p over the square)),    w = 1 / (1 + 2 I),
 
 where p' is the probability of a square, and I is the Fisher information of a pixel about the
-logarithm of its intensity. In dim scenes, I is the expected number of detected photons. Squares may
-gain from squares of squares in the same way.
+logarithm of its intensity. In dim scenes, I is the expected number of detected photons. The result
+is at least the smaller one of p and p'. Squares may gain from squares of squares in the same way.
 """
 
 import numpy as np
@@ -162,9 +162,13 @@ def add_coarse(fine: Image, coarse: Image, sensor: Sensor, trials: npt.ArrayLike
     response = response_of(sensor)
     p = response(np.asarray(fine, np.float64))
     of_pixels = log_information(coarse, sensor, np.asarray(trials, np.float64) / 4)
-    change = (response(np.asarray(coarse, np.float64)) - sum_squares(p) / 4) / (1 + 2 * of_pixels)
+    of_squares = response(np.asarray(coarse, np.float64))
+    change = (of_squares - sum_squares(p) / 4) / (1 + 2 * of_pixels)
     enlarged = zoom(change, 2, order=3, mode="reflect", grid_mode=True)
     found = (p + enlarged[: p.shape[0], : p.shape[1]]).clip(0, 1)
+    # Next to bright pixels, the change may exceed p. Both estimates say that there is more light.
+    blocks = zoom(of_squares, 2, order=0, mode="reflect", grid_mode=True)
+    found = np.maximum(found, np.minimum(p, blocks[: p.shape[0], : p.shape[1]]))
     efficiency, dark_counts = reference_jot(sensor)
     slope = efficiency * sensor.light_per_intensity
     intensity = intensity_at_probability(sensor.threshold, found, 1 - found, slope, dark_counts)

@@ -8,7 +8,10 @@ the probability p of a one becomes::
     p (1 + m (r - 1)),    r = (1/2 + sum of g m N) / (1/2 + sum of g m K p),
 
 where m = 1 / (1 + (p / p0)²) selects dark pixels, g is a Gaussian window, and N is the number of
-ones of K bits. A window holds r near 1 without ones, where even K p is below 1/2.
+ones of K bits. Windows with K p far below 1/2 change nothing.
+
+Where p is even smaller, its differences between pixels are those of the filters of the network,
+and not of the scene. There, it first becomes its own mean in the window.
 """
 
 import math
@@ -25,6 +28,9 @@ Image = npt.NDArray[np.float32]
 
 _DARK = 5e-3
 """p0: a pixel is dark if its probability of a one is below about this value."""
+
+_EMPTY = 5e-4
+"""p1: below about this value, p becomes its mean in the window."""
 
 _SIGMA = 8.0
 """Standard deviation of the window in pixels."""
@@ -82,9 +88,17 @@ def match_dark_regions(
     p = np.maximum(probability, 0)
     if float(p.min()) >= _DARK:
         return probability
-    dark = 1 / (1 + (p / _DARK) ** 2)
+    empty = _below(p, _EMPTY)
+    number, sums = blur(np.stack([empty * trials, empty * trials * p]), _SIGMA, threads)
+    p = p + empty * (sums / np.maximum(number, 1e-12) - p)
+    dark = _below(p, _DARK)
     bits = dark * trials
     pixels = 4 * math.pi * _SIGMA**2  # pixels that a Gaussian window weighs like a uniform one
     ones, expected = blur(np.stack([bits * fraction, bits * p]), _SIGMA, threads)
     ratio = (_PRIOR + pixels * ones) / (_PRIOR + pixels * expected)
     return np.asarray(p * (1 + dark * (ratio - 1)), np.float32)
+
+
+def _below(p: Image, limit: float) -> Image:
+    """Return about 1 where p is below a limit, and about 0 where it is far above."""
+    return np.asarray(1 / (1 + (p / limit) ** 2), np.float32)
