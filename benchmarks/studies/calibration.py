@@ -2,9 +2,10 @@
 
     python benchmarks/studies/calibration.py [path/to/data] [--maps 30]
 
-False positives: the share of clean jots that count as hot, at a stated rate of 1e-4. Outliers: the
-error of the response of ordinary jots and of outliers, by the limit beyond which a response stays
-as measured. Hot jots: PSNR by the dark counts above which a hot jot is masked; with the data, also
+False positives: the share of clean jots that count as hot, at a stated rate of 1e-4. Cooled
+sensors: the share of the hot jots that are found where nearly all counts are 0. Outliers: the error
+of the response of ordinary jots and of outliers, by the limit beyond which a response stays as
+measured. Hot jots: PSNR by the dark counts above which a hot jot is masked; with the data, also
 for a real dark map. Clusters: the error of inpainted pixels, by the method of inpainting.
 """
 
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import binary_dilation, distance_transform_edt, label
+from scipy.special import gammainc
 from skimage.restoration import inpaint_biharmonic
 
 import jotlight as jl
@@ -34,6 +36,7 @@ def main() -> None:
     # The warnings concern hot jots that cannot be found, and inpainted pixels.
     warnings.simplefilter("ignore", jl.JotlightWarning)
     false_positives(options.maps)
+    cooled(options.maps)
     outliers()
     maps = {"simulated": simulated(np.random.default_rng(2))}
     if options.data is not None:
@@ -89,6 +92,27 @@ def false_positives(maps: int) -> None:
             f"{np.mean([one.bulk.tail_probability(frames) for one in results]):.2g}",
             f"{1e4 * np.mean([one.hot_probability for one in results]):.2f} · 10⁻⁴",
             f"{1e4 * np.mean([one.hot.mean() for one in results]):.2f} · 10⁻⁴",
+        )  # fmt: skip
+
+
+def cooled(maps: int) -> None:
+    """Measure how many hot jots above 0.1 dark counts are found where other jots have few."""
+    rng = np.random.default_rng(3)
+    table("threshold", "dark counts of ordinary jots", "frames N", "hot jots", "found", "not hot")
+    for threshold, rate, frames, share in (
+        (1, 1e-6, 200, 0.02), (1, 1e-5, 100, 0.1), (1, 1e-5, 100, 0.25), (3, 0.008, 2000, 0.01),
+    ):  # fmt: skip
+        found, called = [], []
+        for _ in range(maps):
+            hot = rng.random(SHAPE) < share
+            dark = np.where(hot, 10 ** rng.uniform(-2, 0, SHAPE), rate)
+            ones = rng.binomial(frames, gammainc(threshold, dark))
+            result = jl.calibrate(ones, frames=frames, threshold=threshold).hot
+            found.append(result[hot & (dark > 0.1)].mean())
+            called.append(result[~hot].mean())
+        row(
+            threshold, f"{rate:g}", frames, f"{share:.0%}", f"{np.mean(found):.1%}",
+            f"{1e4 * np.mean(called):.2f} · 10⁻⁴",
         )  # fmt: skip
 
 

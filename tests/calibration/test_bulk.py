@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import betabinom, binom
+from scipy.stats import betabinom, binom, geom
 
 import jotlight as jl
 from jotlight.calibration import Bulk
@@ -51,3 +51,42 @@ def test_weak_hot_jots_of_a_long_dark_capture_are_found():
     ones[5, 6], ones[50, 3] = 12, 15
     calibration = jl.calibrate(ones, frames=10**6)
     assert np.argwhere(calibration.hot).tolist() == [[5, 6], [50, 3]]
+
+
+def test_hot_jots_are_found_where_nearly_all_counts_are_0():
+    ones = np.zeros((100, 100), int)
+    places = np.random.default_rng(5).permutation(ones.size)
+    ones.flat[places[:120]] = np.repeat([1, 2, 900], 40)
+    calibration = jl.calibrate(ones, frames=1000)
+    assert calibration.hot_threshold <= 10
+    assert np.array_equal(calibration.hot & (ones > 2), ones == 900)
+    assert calibration.insufficient_frames_reason() is None
+
+
+@pytest.mark.parametrize(
+    ("threshold", "rate", "frames", "share"),
+    [(1, 1e-6, 200, 0.02), (1, 1e-5, 100, 0.1), (1, 1e-5, 100, 0.25), (3, 0.008, 2000, 0.01)],
+)
+def test_the_hot_jots_of_a_cooled_sensor_are_found(threshold, rate, frames, share):
+    rng = np.random.default_rng(3)
+    hot = rng.random((100, 100)) < share
+    rates = np.where(hot, 10 ** rng.uniform(-2, 0, hot.shape), rate)
+    ones = (rng.poisson(rates, (frames, *hot.shape)) >= threshold).sum(0)
+    calibration = jl.calibrate(ones, frames=frames, threshold=threshold)
+    # With 13 expected ones, a jot has 5 or more with a probability of 0.997.
+    expected = frames * (rates if threshold == 1 else rates**3 / 6 * np.exp(-rates))
+    strong = hot & (expected > 13)
+    assert strong.sum() > 10
+    assert calibration.hot[strong].mean() > 0.99
+    assert not calibration.hot[~hot].any()
+
+
+@pytest.mark.parametrize("mean", [0.05, 0.3])
+def test_few_counts_of_rates_that_vary_by_their_mean_follow_the_geometric_distribution(mean):
+    # A Poisson count whose rate is exponentially distributed is geometric.
+    ones, frames = geom.rvs(1 / (1 + mean), loc=-1, size=40_000, random_state=4), 10**6
+    bulk = jl.calibration.fit_bulk(ones, frames)
+    error = np.sqrt(mean * (1 + mean) / len(ones))
+    assert bulk.mean * frames == pytest.approx(mean, abs=4 * error)
+    exact = geom.isf(1e-4, 1 / (1 + mean), loc=-1) + 1
+    assert abs(bulk.threshold(1e-4) - exact) <= 1

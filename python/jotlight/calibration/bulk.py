@@ -16,6 +16,9 @@ _MIN_QUANTILE = 0.02
 _MIN_CUT = 2
 """Minimum range of the counts in the fit. Fewer than three values do not determine a spread."""
 
+_MAX_SPREAD = 10.0
+"""Maximum spread. Nearly all jots then report 0 in all frames, or 1 in all frames."""
+
 _MAX_MEAN = 3
 """Maximum mean of the distribution, in multiples of the largest count in the fit.
 
@@ -159,6 +162,9 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
     this range. So hot jots do not affect it, whatever their number and counts, as long as few of
     them lie below the 70th percentile.
 
+    If the 70th percentile is 0, the counts 1 and 2 determine the spread, and they may all belong to
+    hot jots. Then the spread is at most the mean: the rates vary by their mean or less.
+
     Parameters
     ----------
     counts : ndarray of int
@@ -177,19 +183,21 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
     """
     from scipy.optimize import minimize
 
-    cut = max(int(np.quantile(counts, _MAX_QUANTILE, method="higher")), _MIN_CUT)
-    cut = min(cut, frames)
+    quantile = int(np.quantile(counts, _MAX_QUANTILE, method="higher"))
+    cut = min(max(quantile, _MIN_CUT), frames)
     low = min(int(np.quantile(counts, _MIN_QUANTILE, method="lower")), max(cut - _MIN_CUT, 0))
     values, occurrences = np.unique(counts[(counts >= low) & (counts <= cut)], return_counts=True)
     min_spread, max_mean = 1e-3 / frames, min(_MAX_MEAN * (cut + 1) / frames, 1 - 1e-9)
 
+    def max_spread(mean: float) -> float:
+        return max(mean, min_spread) if quantile == 0 else _MAX_SPREAD
+
     def bulk_at(point: Array) -> Bulk:
-        odds, spread = np.exp(np.clip(point, -60, 20))
-        return Bulk(
-            frames,
-            min(float(odds / (1 + odds)), max_mean),
-            float(min(max(spread, min_spread), 10.0)),
-        )
+        odds = np.exp(np.clip(point[0], -60, 20))
+        mean = min(float(odds / (1 + odds)), max_mean)
+        # Mirrored at both limits of the spread: a constant cost would stop the search.
+        share = 1 - abs(1 - point[1] % 2)
+        return Bulk(frames, mean, float(min_spread * (max_spread(mean) / min_spread) ** share))
 
     def cost(point: Array) -> float:
         bulk = bulk_at(point)
@@ -197,16 +205,13 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
         return -float(occurrences @ bulk.log_probability(values) - occurrences.sum() * log_range)
 
     mean = (float(np.average(values, weights=occurrences)) + 0.1) / (frames + 0.2)
-    variance = float(np.average((values - mean * frames) ** 2, weights=occurrences))
-    excess = max(variance / max(mean * frames, 1e-9) - 1, 0.05) / frames
-    starts = [excess, 30 * excess]
     fits = [
         minimize(
             cost,
-            [np.log(mean / (1 - mean)), np.log(start)],
+            [np.log(mean / (1 - mean)), share],
             method="Nelder-Mead",
             options={"xatol": 1e-4, "fatol": 1e-3},
         )
-        for start in starts
+        for share in (0.3, 0.6)
     ]
     return bulk_at(min(fits, key=lambda fit: fit.fun).x)
