@@ -69,8 +69,7 @@ def gates() -> tuple[Array, Array]:
     times, lifetime = np.arange(12) * 0.7, 1 + 2 * (np.indices((256, 256))[1] // 64) / 3
     detections = (0.2 + scene()) * np.exp(-times[:, None, None] / lifetime)
     counts = np.random.default_rng(0).binomial(1000, -np.expm1(-detections))
-    found, _ = jl.gates.gate_detections(counts, 1000)
-    return counts[0] / 1000, jl.gates.decay_lifetime(found, times) / 4
+    return counts[0] / 1000, jl.gates.decay_lifetime(counts, times, trials=1000) / 4
 
 
 def mosaic() -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from jotlight.checks import number_in_range, positive_number, shown
 from jotlight.errors import import_extra
+from jotlight.estimators.decays import TOLERANCE, Gates, decay_rates
 from jotlight.sensing.response import Array
 from jotlight.sensing.values import numbers_from_zero
 
@@ -40,7 +41,8 @@ def gate_detections(
     -------
     detections, standard_error : ndarray of float64, shape (G, ...)
         Detections are 0 or more. They are infinite for a gate whose readings are all ones, and NaN
-        for a gate without readings.
+        for a gate without readings. The standard error is the one at L/n. So it is 0 for a gate
+        without ones, which is not certain to be dark: do not weight gates by 1/error².
 
     Raises
     ------
@@ -55,9 +57,28 @@ def gate_detections(
     >>> gate_detections([[500], [250]], 1000, first_photon=True)[0].round(4).tolist()
     [[0.6931], [0.6931]]
     """
+    ones, readings = _ones_and_readings(counts, trials, first_photon)
+    dark = number_in_range("dark_counts", dark_counts, 0, 1e6)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fraction = ones / readings
+        detections = -np.log1p(-fraction)
+        error = np.sqrt(fraction / (1 - fraction) / readings)
+    return np.maximum(detections - dark, 0), error
+
+
+def _ones_and_readings(
+    counts: npt.ArrayLike, trials: npt.ArrayLike, first_photon: bool
+) -> tuple[Array, Array]:
+    """Return the ones of each gate, and the readings behind them, of shape (G, ...)."""
     ones = numbers_from_zero("counts", counts)
-    if ones.ndim < 1 or (ones != np.floor(ones)).any():
-        raise ValueError(f"counts: expected whole numbers (G, ...), got shape {ones.shape}")
+    if ones.ndim < 1:
+        raise ValueError(f"counts: expected those of each gate (G, ...), got {shown(counts)}")
+    is_fraction = ones != np.floor(ones)
+    if is_fraction.any():
+        raise ValueError(
+            f"counts: expected whole numbers, got {ones[is_fraction][0]:g}; pass the number of "
+            "ones of each gate"
+        )
     readings = _of_each_count(numbers_from_zero("trials", trials), ones.shape)
     if first_photon:
         # The cycles without a photon in an earlier gate.
@@ -65,12 +86,7 @@ def gate_detections(
     if (ones > readings).any():
         what = "cycles in all gates together" if first_photon else "readings"
         raise ValueError(f"counts: expected at most the number of {what}, got more ones")
-    dark = number_in_range("dark_counts", dark_counts, 0, 1e6)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fraction = ones / readings
-        detections = -np.log1p(-fraction)
-        error = np.sqrt(fraction / (1 - fraction) / readings)
-    return np.maximum(detections - dark, 0), error
+    return ones, readings
 
 
 def _of_each_count(trials: Array, shape: tuple[int, ...]) -> Array:
@@ -86,50 +102,101 @@ def _of_each_count(trials: Array, shape: tuple[int, ...]) -> Array:
         ) from None
 
 
-def decay_lifetime(detections: npt.ArrayLike, gate_times: npt.ArrayLike) -> Array:
-    """Return the lifetime of the decay of each pixel: that of the best straight line in logarithms.
+def decay_lifetime(
+    detections: npt.ArrayLike,
+    gate_times: npt.ArrayLike,
+    *,
+    trials: npt.ArrayLike | None = None,
+    first_photon: bool = False,
+    dark_counts: float = 0.0,
+) -> Array:
+    """Return the most likely lifetime of a single exponential decay, for each pixel.
+
+    Pass counts of ones with their `trials`, if you have them: their likelihood contains pile-up,
+    dark counts, and gates of ones only.
 
     Parameters
     ----------
     detections : array_like of float, shape (G, ...)
-        Expected detections of gates of equal width.
+        With `trials`, L: the number of ones of gates of equal width. Otherwise numbers of photons,
+        or expected detections of :func:`gate_detections`; those that are not finite are left out.
     gate_times : array_like of float, shape (G,)
-        The beginning of each gate, in any unit.
+        The beginning of each gate, in any unit. They rise.
+    trials, first_photon, dark_counts
+        See :func:`gate_detections`. Default of the trials: `detections` are no counts of ones.
 
     Returns
     -------
     ndarray of float64, shape (...)
-        The lifetimes in the unit of the times; NaN where fewer than two gates have detections, or
-        detections do not decay.
+        The lifetimes in the unit of the times; NaN where fewer than two gates have detections,
+        detections do not decay, or no finite lifetime above 0 is the most likely one.
+
+    Raises
+    ------
+    ValueError
+        When the arrays do not fit together, or numbers are out of range.
 
     Notes
     -----
-    Gates are weighted by their detections, the inverse variance of the logarithm of a count. Gates
-    of equal width do not change the slope of a single exponential decay.
+    A gate at the time t expects λ = A exp(-t/τ) + d detections per reading, and a reading is 1
+    with the probability 1 - exp(-λ). Newton's method finds the A and τ that maximize the binomial
+    likelihood, or the Poisson likelihood of photons, which is its limit for many readings.
 
     Examples
     --------
     >>> times = np.arange(8) * 0.5
     >>> decay_lifetime(np.exp(-times / 2.5), times).round(6).tolist()
     2.5
+    >>> ones = np.rint(1000 * -np.expm1(-np.exp(-times / 2.5) - 0.1))
+    >>> decay_lifetime(ones, times, trials=1000, dark_counts=0.1).round(1).tolist()
+    2.5
     """
-    values, times = np.asarray(detections, np.float64), np.asarray(gate_times, np.float64)
-    if times.ndim != 1 or len(times) < 2 or values.shape[:1] != times.shape:
-        raise ValueError(
-            f"gate_times: expected the time of each gate, (G,) with G of 2 or more, got shape "
-            f"{times.shape} for detections of shape {values.shape}"
-        )
-    x = times.reshape(-1, *[1] * (values.ndim - 1))
-    usable = np.isfinite(values) & (values > 0)
-    weights = np.where(usable, values, 0.0)
-    logarithms = np.log(np.where(usable, values, 1.0))
+    dark = number_in_range("dark_counts", dark_counts, 0, 1e6)
+    if trials is None:
+        if first_photon or dark:
+            raise ValueError(
+                "trials: expected the number of readings, which first_photon and dark_counts "
+                "need, got None; pass counts of ones and their trials"
+            )
+        ones, readings = _photons(detections)
+    else:
+        ones, readings = _ones_and_readings(detections, trials, first_photon)
+    times = _rising_times(gate_times, ones.shape)
+    span = times[-1] - times[0]
+    flat = [each.reshape(len(times), -1) for each in (ones, readings)]
+    gates = Gates(flat[0], flat[1], (times - times[0]) / span, dark)
+    rates = decay_rates(gates).reshape(ones.shape[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
-        total = weights.sum(axis=0)
-        mean_x = (weights * x).sum(axis=0) / total
-        mean_y = (weights * logarithms).sum(axis=0) / total
-        slope = (weights * (x - mean_x) * (logarithms - mean_y)).sum(axis=0)
-        slope /= (weights * (x - mean_x) ** 2).sum(axis=0)
-        return np.asarray(np.where(slope < 0, -1 / slope, np.nan))
+        return np.asarray(np.where(rates > TOLERANCE, span / rates, np.nan))
+
+
+def _photons(detections: npt.ArrayLike) -> tuple[Array, Array]:
+    """Return numbers of photons as ones, and as many readings that there is no pile-up.
+
+    Numbers that are not finite get no readings.
+    """
+    values = np.asarray(detections, np.float64)
+    if (values < 0).any():
+        raise ValueError(f"detections: expected numbers of 0 or more, got {values.min():g}")
+    usable = np.isfinite(values)
+    photons = np.where(usable, values, 0.0)
+    return photons, np.where(usable, 2.0**40 * (photons.max(initial=0.0) or 1.0), 0.0)
+
+
+def _rising_times(gate_times: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return the time of each gate as float64, (G,)."""
+    times = np.asarray(gate_times, np.float64)
+    if times.shape != shape[:1] or len(times) < 2:
+        raise ValueError(
+            "gate_times: expected the time of each gate, (G,) with G of 2 or more, got shape "
+            f"{times.shape} for an array of shape {shape}"
+        )
+    if not np.isfinite(times).all() or not (np.diff(times) > 0).all():
+        raise ValueError(
+            f"gate_times: expected finite, increasing times, got {shown(times)}; sort the gates by "
+            "time"
+        )
+    return times
 
 
 def gate_dataset(
@@ -170,28 +237,20 @@ def gate_dataset(
     """
     xarray = import_extra("xarray", "lifetime", "gate stacks as data sets")
     ones = np.asarray(counts)
-    times = np.asarray(gate_times, np.float64)
     if ones.ndim != 3:
         raise ValueError(f"counts: expected shape (G, H, W), got {ones.shape}")
-    if times.shape != ones.shape[:1]:
-        raise ValueError(
-            f"gate_times: expected {len(ones)} times, one for each gate, got shape {times.shape}"
-        )
-    if not (np.diff(times) > 0).all():
-        raise ValueError(
-            f"gate_times: expected increasing times, got {shown(times)}; sort the gates by time"
-        )
-    detections, error = gate_detections(
-        ones, trials, first_photon=first_photon, dark_counts=dark_counts
-    )
+    times = _rising_times(gate_times, ones.shape)
+    options: dict[str, Any] = {"first_photon": first_photon, "dark_counts": dark_counts}
+    detections, error = gate_detections(ones, trials, **options)
+    lifetime = decay_lifetime(ones, times, trials=trials, **options)
     dimensions = ("H", "Y", "X")
     attributes = {} if frequency is None else {"frequency": positive_number("frequency", frequency)}
     return xarray.Dataset(
         {
             "detections": (dimensions, detections, {"units": "per gate and reading"}),
             "standard_error": (dimensions, error, {"units": "per gate and reading"}),
-            "counts": (dimensions, ones),
-            "lifetime": (dimensions[1:], decay_lifetime(detections, times), {"units": "ns"}),
+            "counts": (dimensions, ones, {"units": "1"}),
+            "lifetime": (dimensions[1:], lifetime, {"units": "ns"}),
         },
         coords={"H": ("H", times, {"units": "ns", "long_name": "beginning of the gate"})},
         attrs=attributes,
