@@ -5,9 +5,10 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, number_in_range, positive_number, shown
+from jotlight.checks import as_counts, number_in_range, positive_number, shown, type_of
 from jotlight.estimators.merge_readings import counts_of_equal_likelihood, round_ones
 from jotlight.estimators.reference_sensors import MAX_RATE
+from jotlight.estimators.renewal import Renewal
 from jotlight.interrupts import interruptible
 from jotlight.parameter_names import takes_rng
 from jotlight.seeds import SeedLike, seed_bytes
@@ -17,9 +18,6 @@ from jotlight.sensing.sensor import Sensor
 
 _MAX_DETECTIONS = 5e8
 """Largest number of detections whose short readings a sensor can number."""
-
-_TINY = 1e-290
-"""Smaller probabilities underflow, or have few digits."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -78,23 +76,15 @@ class FreeRunning:
     @property
     def max_count(self) -> int:
         """The largest number of detections in an exposure."""
-        return int(np.ceil(1 / self.dead_time - 1e-9))
+        return self._renewal.max_count
+
+    @property
+    def _renewal(self) -> Renewal:
+        return Renewal(self.dead_time)
 
     def at_least(self, count: npt.ArrayLike, light: npt.ArrayLike) -> Array:
         """Return P(N ≥ n), the probability of a number of detections or more."""
-        return self._tails(self._checked(count, 1), light)[0]
-
-    def _tails(self, count: npt.NDArray[np.integer], light: npt.ArrayLike) -> tuple[Array, Array]:
-        """Return P(N ≥ n) and P(N < n), each with all its digits."""
-        from scipy.special import gammainc, gammaincc
-
-        n, rate = np.broadcast_arrays(count, self._rate(light))
-        argument, rest = rate * self._rest(n), self._rest(n)
-        tails = (interruptible(each)(np.maximum(n, 1), argument) for each in (gammainc, gammaincc))
-        more, fewer = (
-            np.where(rest > 0, tail, end) for tail, end in zip(tails, (0.0, 1.0), strict=True)
-        )
-        return np.where(n == 0, 1.0, more), np.where(n == 0, 0.0, fewer)
+        return self._renewal.at_least(self._checked(count, 1), self._rate(light))
 
     def probability(self, count: npt.ArrayLike, light: npt.ArrayLike) -> Array:
         """Return P(N = n), the probability of a number of detections.
@@ -105,21 +95,12 @@ class FreeRunning:
         >>> pixel.probability([0, 1, 2, 3, 4], 2.0).round(4).tolist()
         [0.1353, 0.4565, 0.3607, 0.0474, 0.0001]
         """
-        n = self._checked(count)
-        (more, fewer), (more_next, fewer_next) = (self._tails(each, light) for each in (n, n + 1))
-        # The difference of two numbers close to 1 would lose digits.
-        return np.where(more_next > 0.5, fewer_next - fewer, more - more_next)
+        n = self._checked(count)[..., None] + np.arange(2)
+        return self._renewal.probabilities(n, self._rate(light)[..., None])[..., 0]
 
     def mean(self, light: npt.ArrayLike) -> Array:
         """Return the expected number of detections: the sum of P(N ≥ n) over n from 1."""
-        levels = np.asarray(light, np.float64)
-        total = np.zeros(levels.shape)
-        for count in range(1, self.max_count + 1):
-            own = self.at_least(count, levels)
-            total += own
-            if own.max(initial=0.0) < 1e-17:
-                break
-        return total
+        return self._renewal.mean(self._rate(light))
 
     @takes_rng
     def draw(self, light: npt.ArrayLike, rng: SeedLike = None) -> npt.NDArray[np.int64]:
@@ -153,7 +134,7 @@ class FreeRunning:
         from scipy.special import wrightomega
 
         n, tau = self._checked(counts).astype(np.float64), self.dead_time
-        used, rest = self._rest(n), self._rest(n + 1)
+        used, rest = self._renewal.rest(n), self._renewal.rest(n + 1)
         with np.errstate(divide="ignore", invalid="ignore"):
             logarithm = np.log(n * tau) + n * np.log(used) - (n + 1) * np.log(rest)
             rate = np.where(n > 0, interruptible(wrightomega)(logarithm) / tau, 0.0)
@@ -179,7 +160,7 @@ class FreeRunning:
 
         level = number_in_range("confidence_level", confidence_level, 0.5, 1 - 1e-12)
         n, tail = self._checked(counts).astype(np.float64), (1 - level) / 2
-        used, rest = self._rest(n), self._rest(n + 1)
+        used, rest = self._renewal.rest(n), self._renewal.rest(n + 1)
         invert = interruptible(gammaincinv)
         with np.errstate(divide="ignore", invalid="ignore"):
             low = np.where(n > 0, invert(np.maximum(n, 1), tail) / used, 0.0)
@@ -197,21 +178,7 @@ class FreeRunning:
         >>> FreeRunning(dead_time=1e-4).information(10.0).round(4).tolist()  # 1/10 without τ
         0.0999
         """
-        levels = np.asarray(light, np.float64)
-        rate = self._rate(levels)
-        information = np.zeros(levels.shape)
-        before = np.zeros(levels.shape)  # the derivative of P(N ≥ 0)
-        for count in range(self.max_count + 1):
-            after = self._slope(np.asarray(count + 1), rate)
-            if count > rate.max(initial=0) and not (before.any() or after.any()):
-                break  # probabilities of more detections are too small for a number, too
-            probability = self.probability(count, levels)
-            slope = self.efficiency * (before - after)
-            information += np.divide(
-                slope**2, probability, out=np.zeros(levels.shape), where=probability > 1e-300
-            )
-            before = after
-        return information
+        return self.efficiency**2 * self._renewal.information(self._rate(light))
 
     def score(self, counts: npt.ArrayLike, light: npt.ArrayLike) -> Array:
         """Return the derivative of log P(N = n) by the light.
@@ -221,23 +188,7 @@ class FreeRunning:
         >>> FreeRunning(dead_time=0.01).score([0, 50], [1.0, 90.0]).round(3).tolist()
         [-1.0, 0.053]
         """
-        n, rate = np.broadcast_arrays(self._checked(counts), self._rate(light))
-        slope = self._slope(n, rate) - self._slope(n + 1, rate)
-        probability = self.probability(counts, light)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # Where the probability underflows, take that of n detections and a last dead time that
-            # ends within the exposure.
-            steep = n / rate - self._rest(n + 1)
-            exact = slope / probability
-        return np.asarray(self.efficiency * np.where(probability > _TINY, exact, steep))
-
-    def _slope(self, count: npt.NDArray[np.integer], rate: Array) -> Array:
-        """Return the derivative of P(N ≥ n) by the rate: u(n) times a Poisson probability."""
-        from scipy.special import gammaln, xlogy
-
-        rest, earlier = self._rest(count), np.maximum(count - 1, 0)
-        logarithm = xlogy(earlier, rate * rest) - rate * rest - gammaln(earlier + 1)
-        return np.asarray(np.where((count > 0) & (rest > 0), rest * np.exp(logarithm), 0.0))
+        return self.efficiency * self._renewal.score(self._checked(counts), self._rate(light))
 
     def merge(self, counts: npt.ArrayLike, light: float, *, max_intensity: float = 1.0) -> Merged:
         """Return equivalent counts: those of one-bit readings, for methods that take counts.
@@ -321,17 +272,17 @@ class FreeRunning:
             raise ValueError(f"light: expected photons per exposure, 0 or more, got {shown(light)}")
         return self.efficiency * levels + self.dark_counts
 
-    def _rest(self, count: npt.ArrayLike) -> Array:
-        """Return u(n): the exposure without the dead times before the last of n detections."""
-        rest = 1 - (np.asarray(count, np.float64) - 1) * self.dead_time
-        return np.asarray(np.where(rest > 1e-9, rest, 0.0))
-
     def _checked(self, counts: npt.ArrayLike, beyond: int = 0) -> npt.NDArray[np.int64]:
         values = np.asarray(counts)
-        highest = self.max_count + beyond
-        if values.dtype.kind not in "iu" or not ((values >= 0) & (values <= highest)).all():
+        if values.dtype.kind not in "iu":
+            raise ValueError(
+                f"counts: expected whole numbers, got {type_of(counts, values)}; cast rounded "
+                "floats with astype(int)"
+            )
+        is_outside = (values < 0) | (values > self.max_count + beyond)
+        if is_outside.any():
             raise ValueError(
                 f"counts: expected whole numbers from 0 to {self.max_count}, the largest count "
-                f"with a dead time of {self.dead_time:g} exposures, got {counts!r}"
+                f"with a dead time of {self.dead_time:g} exposures, got {values[is_outside][0]}"
             )
         return values.astype(np.int64)
