@@ -53,6 +53,11 @@ def test_the_response_behind_a_mosaic_is_relative_to_that_of_its_filter(side):
         mosaic=np.array(list("RGB"))[places],
     )
     np.testing.assert_array_equal(stated.efficiency, found.efficiency)
+    # The sensor of pixels has their mosaic, whichever way the filters were stated.
+    for calibration in (found, stated):
+        pixels = calibration.sensor(oversampling=side).mosaic
+        size = height // side, width // side
+        np.testing.assert_array_equal(pixels.full(*size), mosaic.full(*size))
 
 
 def test_a_filter_without_light_is_refused():
@@ -87,6 +92,21 @@ def test_the_command_line_states_the_filters_of_a_flat_capture(run, tmp_path):
     expected = jl.calibrate(*bits, mosaic="RGGB")
     np.testing.assert_array_equal(found.efficiency, expected.efficiency)
     assert found.prnu < 0.05  # 0.4 and more if the filters were differences between jots
+    assert found.mosaic == Mosaic("RGGB")
+    assert "color filters" in run("info", "c.safetensors")[1]
+    status, printed = run(
+        "reconstruct",
+        "flat.npy",
+        "--calibration",
+        "c.safetensors",
+        "-o",
+        "x.tif",
+        "--frames",
+        "400",
+    )
+    assert status == 0, printed
+    assert jl.read_image(tmp_path / "x.tif").shape == (64, 64, 3)
+    assert "color filters Mosaic('RGGB')" in printed
     assert run("calibrate", "dark.npy", "-o", "d.safetensors", "--mosaic", "RGGB")[0] == 1
 
 
@@ -102,7 +122,7 @@ def test_the_lazy_calibration_is_that_of_one_machine():
     expected = jl.calibrate(dark, flat)
     for lazy in (jl.dask.calibrate(dark, flat), jl.dask.calibrate(dark, flat, mosaic="RGGB")):
         np.testing.assert_array_equal(lazy.efficiency.compute(), expected.efficiency)
-        np.testing.assert_array_equal(lazy.compute().efficiency, expected.efficiency)
+        assert lazy.compute() == expected
     with pytest.raises(ValueError, match="mosaic: is for a flat capture"):
         jl.dask.calibrate(dark, mosaic="RGGB")
 
@@ -114,3 +134,24 @@ def test_an_undeclared_mosaic_is_reported():
     advice = r'flat: the rates repeat .* as in RGGB or BGGR.* mosaic="RGGB" \(--mosaic RGGB\)$'
     with pytest.warns(jl.errors.PeriodicRatesWarning, match=advice):
         jl.calibrate(ones, flat, frames=400)
+
+
+def test_a_calibration_keeps_its_mosaic(tmp_path):
+    rng = np.random.default_rng(9)
+    ones = counts(rng, np.full(SHAPE, 0.01), 400)
+    passed = np.array([0.4, 1.0, 0.6])[Mosaic("RGGB").full(*SHAPE)]
+    flat = counts(rng, 0.7 * passed, 400)
+    found = jl.calibrate(ones, flat, frames=400, mosaic="RGGB")
+    path = tmp_path / "c.safetensors"
+    found.save(path)
+    assert jl.Calibration.load(path) == found
+    bits = jl.Bits.from_array(rng.random((16, *SHAPE)) < 0.3 * passed)
+    assert jl.Calibration.load(path).sensor(bits).mosaic == Mosaic("RGGB")
+    # What the sensor or the caller states comes first.
+    assert found.applied_to(jl.Sensor(mosaic="BGGR")).mosaic == Mosaic("BGGR")
+    assert found.sensor(16, mosaic=None).mosaic is None
+    with pytest.raises(ValueError, match="oversampling: expected pixels whose jots lie behind one"):
+        found.sensor(16, oversampling=2)
+    gray = jl.calibrate(ones, frames=400)
+    gray.save(path)
+    assert jl.Calibration.load(path).sensor(bits).mosaic is None

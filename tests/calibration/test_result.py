@@ -8,6 +8,7 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import jotlight as jl
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 
 
@@ -92,6 +93,15 @@ HOSTILE = {
             **numbers,
             "provenance": {"dark": {**numbers["provenance"]["dark"], "orientation": [4, False]}},
         },
+    ),
+    "a mosaic of text": lambda tensors, numbers: (tensors, {**numbers, "mosaic": "RGGB"}),
+    "a mosaic without filters": lambda tensors, numbers: (
+        tensors,
+        {**numbers, "mosaic": {**Mosaic("RGGB").to_json(), "filters": 7}},
+    ),
+    "a mosaic of another size": lambda tensors, numbers: (
+        tensors,
+        {**numbers, "mosaic": Mosaic(np.indices((17, 20)).sum(0) % 3, "RGB").to_json()},
     ),
     "steadiness without map": lambda tensors, numbers: (
         tensors,

@@ -128,7 +128,12 @@ def test_the_applied_calibration_is_recorded_beside_the_estimate(run, captures, 
     assert calibration["file"] == "c.safetensors"
     content = (captures / "c.safetensors").read_bytes()
     assert calibration["sha256"] == hashlib.sha256(content).hexdigest()
-    assert calibration["applied"] == {"dark_counts": False, "efficiency": True, "mask": True}
+    assert calibration["applied"] == {
+        "dark_counts": False,
+        "efficiency": True,
+        "mask": True,
+        "mosaic": False,
+    }
     assert calibration["masked_jots"] == 10
     # A record by jotlight is replaced; any other file stays.
     assert run(*command, "-m", "mle")[0] == 0

@@ -62,6 +62,17 @@ def test_a_calibration_is_replaced_by_its_median_jot(run):
     assert run(*arguments)[1] == run("plan", "0.1:2", "-q", 2, "--dark-counts", 0.5)[1]
 
 
+@pytest.mark.slow
+def test_the_color_filters_of_a_calibration_do_not_change_a_plan(run):
+    dark, flat = np.random.default_rng(0).binomial(1000, [[[0.01]], [[0.5]]], (2, 32, 32))
+    outputs = []
+    for mosaic in (None, "RGGB"):
+        jl.calibrate(dark, flat, frames=1000, mosaic=mosaic).save("c.safetensors")
+        outputs.append(run("plan", "0.1:2", "--calibration", "c.safetensors"))
+    assert outputs[0] == outputs[1]
+    assert outputs[0][0] == 0
+
+
 def test_the_cost_of_motion_is_printed(run):
     for more, frames, size in (([], 100, (256, 512)), (["--size", "64x48"], 100, (64, 48))):
         status, output = run("plan", "0.5", "--frames", frames, *more)

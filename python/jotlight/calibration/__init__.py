@@ -8,6 +8,7 @@
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
 - `hot_jots`: hot jots in a capture of a scene, without a dark capture.
 - `jotlight.sensing.periodic_rates`: rates that repeat every few jots, as under a mosaic.
+- `jot_mosaics`: the mosaic of jots, and that of pixels.
 - `jot_counts`: the counts of a capture, and their detections per frame.
 - `result`: the `Calibration`; `fields` are its data, and `files` checks the contents of its files.
 - `figure`: a page of plots.

@@ -13,15 +13,15 @@ from jotlight.calibration.evenness import warn_about_scene
 from jotlight.calibration.flat import measure_response
 from jotlight.calibration.hot_jots import check_false_positive_rate
 from jotlight.calibration.jot_counts import JotCounts
+from jotlight.calibration.jot_mosaics import mosaic_of_jots
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness, warn_about_frames
 from jotlight.checks import Counts, as_counts, positive_number, real_number, shown
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.mosaic import Mosaic, Pattern
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
-from jotlight.sensing.sensor import Sensor
 
 MAX_DARK = 0.1
 """Default dark counts per frame above which a hot jot is masked.
@@ -74,8 +74,9 @@ def calibrate(
         it. Default: the provenance of the bits.
     mosaic : str, array_like, or jotlight.sensing.mosaic.Mosaic, optional
         The color filter of each jot, as :class:`jotlight.Sensor` takes the filters of pixels. The
-        response of a jot is then relative to that of the jots behind the same filter. Default: the
-        filters of the sensor that the flat bits carry, or none.
+        response of a jot is then relative to that of the jots behind the same filter, and the
+        calibration keeps the filters. Default: those of the sensor that the flat bits carry, or
+        none.
     threads : int, optional
         Number of threads. Default: all.
     progress : callable, optional
@@ -135,42 +136,9 @@ def calibrate(
     bright = None
     if flat is not None:
         bright = count_jots("flat", flat, flat_frames, threads, progress_from(half))
-        filters = filters_of_jots(flat, mosaic, bright.ones.shape)
-        bright = dataclasses.replace(bright, filters=filters)
+        filters = mosaic_of_jots(flat, mosaic, bright.ones.shape)
+        bright = dataclasses.replace(bright, mosaic=filters)
     return calibrate_sums(sums, bright, threshold, false_positive_rate, max_dark, known)
-
-
-def filters_of_jots(flat: object, mosaic: object, shape: tuple[int, ...]) -> Pattern | None:
-    """Return the place of the color filter of each jot, or None for a gray sensor.
-
-    Parameters
-    ----------
-    flat : Bits or other
-        The flat capture.
-    mosaic : object
-        The filter of each jot, or None for those of the sensor that the bits carry.
-    shape : (int, int)
-        Rows and columns of jots.
-
-    Examples
-    --------
-    >>> filters_of_jots(None, "RGGB", (2, 3)).tolist()
-    [[0, 1, 0], [1, 2, 1]]
-    """
-    height, width = shape
-    if mosaic is not None:
-        stated = Mosaic.of(mosaic)
-        if not stated.repeats and stated.pattern.shape != shape:
-            raise ValueError(
-                f"mosaic: expected a filter for each of {height} x {width} jots, or a pattern that "
-                f"repeats, got a map of {' x '.join(map(str, stated.pattern.shape))}"
-            )
-        return stated.full(height, width)
-    sensor = flat.sensor if isinstance(flat, Bits) else None
-    if not isinstance(sensor, Sensor) or sensor.mosaic is None:
-        return None
-    places: Pattern = sensor.mosaic.of_jots(height, width, sensor.oversampling)
-    return places
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,8 +150,8 @@ class JotSums:
     frames: int
     steadiness: Steadiness | None
     """Results of the tests of the frames, if the frames are known."""
-    filters: Pattern | None = None
-    """The place of the color filter of each jot, (H, W), or None for a gray sensor."""
+    mosaic: Mosaic | None = None
+    """The color filters of the jots, or None for a gray sensor."""
 
 
 def check_limits(false_positive_rate: float, max_dark: float) -> None:
@@ -257,7 +225,7 @@ def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
         JotCounts(found.dark_ones, found.dark_frames, found.threshold),
         found.mask,
         false_positive_rate=found.false_positive_rate,
-        filters=flat.filters,
+        filters=None if flat.mosaic is None else flat.mosaic.full(*ones.shape),
     )
     warn_about_frames("flat", flat.steadiness, found.false_positive_rate)
     efficiency = np.minimum(measured.relative / measured.relative.max(), 1).astype(np.float32)
@@ -275,6 +243,7 @@ def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
         prnu_error=measured.prnu_error,
         flat_noise=measured.noise,
         flat_steadiness=flat.steadiness,
+        mosaic=flat.mosaic,
     )
 
 

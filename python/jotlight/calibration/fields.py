@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.steadiness import Steadiness
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 
 Map = npt.NDArray[np.float32]
@@ -39,6 +40,7 @@ class CalibrationFields:
     flat_noise: float | None = None
     dark_steadiness: Steadiness | None = None
     flat_steadiness: Steadiness | None = None
+    mosaic: Mosaic | None = None
     provenance: dict[str, Provenance] = dataclasses.field(default_factory=dict)
 
     @property

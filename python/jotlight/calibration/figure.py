@@ -183,6 +183,8 @@ def facts(calibration: CalibrationFields) -> list[tuple[str, str]]:
         ),
         *_hot(calibration),
     ]
+    if calibration.mosaic is not None:
+        lines.insert(1, ("color filters", repr(calibration.mosaic)))
     if calibration.prnu is not None:
         expected = f"at most {rate * dead.size:.2g} by chance"
         lines.append(("dead", f"{dead.sum()} ({dead.mean():.2%}); {expected}"))

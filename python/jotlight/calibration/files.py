@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.steadiness import Steadiness
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import Tensors
@@ -45,7 +46,9 @@ _FLAT_SCALARS = {
 }
 """Names, limits, and types of the numbers in a file. Those of a flat capture are optional."""
 
-_NUMBERS = {*_SCALARS, *_FLAT_SCALARS, *_STEADINESS, "flat_frames", "bulk", "provenance"}
+_MOSAIC = {"pattern", "filters", "transmission", "white_balance"}
+
+_NUMBERS = {*_SCALARS, *_FLAT_SCALARS, *_STEADINESS, "flat_frames", "bulk", "mosaic", "provenance"}
 """Names of all metadata."""
 
 
@@ -73,6 +76,9 @@ def checked_fields(tensors: Tensors, numbers: Any) -> dict[str, Any]:
             raise ValueError(f"{name}: expected both a map and numbers")
         if name in numbers:
             values[name] = _steadiness(name, numbers[name], tensors[name])
+    if "mosaic" in numbers:
+        values["mosaic"] = Mosaic.of(_object(numbers["mosaic"], "mosaic", _MOSAIC))
+        values["mosaic"].check_size(*tensors["mask"].shape)
     provenance = values.get("provenance", {})
     if not isinstance(provenance, dict) or not provenance.keys() <= {"dark", "flat"}:
         raise ValueError("provenance: expected an object with dark and flat")

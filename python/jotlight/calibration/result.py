@@ -14,9 +14,11 @@ from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.fields import CalibrationFields
 from jotlight.calibration.figure import facts, page
 from jotlight.calibration.files import MAPS, checked_fields
+from jotlight.calibration.jot_mosaics import mosaic_of_pixels
 from jotlight.calibration.steadiness import Steadiness
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -67,6 +69,8 @@ class Calibration(CalibrationFields):
         of one jot, as fractions of the response.
     dark_steadiness, flat_steadiness : Steadiness, optional
         The tests of the frames of the captures, if they contain single frames.
+    mosaic : jotlight.sensing.mosaic.Mosaic, optional
+        The color filters of the jots. None for a gray sensor, and without a flat capture.
     provenance : dict
         Where the captures come from, and their orientation, if known, with the keys ``"dark"`` and
         ``"flat"``.
@@ -129,17 +133,21 @@ class Calibration(CalibrationFields):
         """Return the sensor with these maps, and with a gain that refers to the median jot.
 
         A jot is masked if the sensor or the calibration masks it. Without a flat capture, the
-        sensor keeps its efficiency. The changes override the sensor and the calibration.
+        sensor keeps its efficiency. A sensor with a mosaic keeps it. The changes override the
+        sensor and the calibration.
 
         Raises
         ------
         ValueError
-            If the sensor contradicts the maps.
+            If the sensor contradicts the maps, or its pixels have jots behind several filters.
         """
         # Dark counts are detections, not bits, so they hold for any threshold.
         maps: dict[str, Any] = {"dark_counts": self.dark_counts, "mask": self._joined(sensor.mask)}
         if self.efficiency is not None:
             maps["efficiency"] = self.efficiency
+        if self.mosaic is not None and sensor.mosaic is None and "mosaic" not in changes:
+            side = changes.get("oversampling", sensor.oversampling)
+            maps["mosaic"] = mosaic_of_pixels(self.mosaic, side)
         applied = sensor.replace(**{**maps, **changes})
         if "gain" in changes or "efficiency" in changes:
             return applied
@@ -192,6 +200,8 @@ class Calibration(CalibrationFields):
                     for part in dataclasses.fields(value)
                     if part.name != "map"
                 }
+            if isinstance(value, Mosaic):
+                value = value.to_json()
             if field.name == "provenance":
                 value = {name: provenance.to_json() for name, provenance in value.items()}
             if value is not None and not isinstance(value, np.ndarray):

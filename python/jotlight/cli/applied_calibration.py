@@ -10,6 +10,7 @@ import numpy as np
 
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
+from jotlight.calibration.jot_mosaics import mosaic_of_pixels
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -63,6 +64,8 @@ class AppliedCalibration:
             applied.append(f"{found.mask.sum()} masked jots")
         if used["efficiency"]:
             applied.append(f"response (PRNU {found.prnu:.2%})")
+        if used["mosaic"]:
+            applied.append(f"color filters {sensor.mosaic!r}")
         lines = [f"calibration {self.name}: {', '.join(applied) or 'nothing'}"]
         if applied and (unsure := found.unconfirmed_reason(provenance)) is not None:
             lines.append(
@@ -77,6 +80,8 @@ class AppliedCalibration:
             "efficiency": found.efficiency is not None
             and np.array_equal(sensor.efficiency, found.efficiency),
             "mask": sensor.mask is not None and np.array_equal(sensor.mask, found.mask),
+            "mosaic": found.mosaic is not None
+            and sensor.mosaic == mosaic_of_pixels(found.mosaic, sensor.oversampling),
         }
 
     def description(

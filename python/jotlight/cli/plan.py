@@ -136,9 +136,10 @@ def _planned_sensor(options: PlannedSensorOptions) -> tuple[Sensor, int]:
     max_frames = parameters.get("frames", 2 ** (_ROWS - 1))
     if options.calibration is None:
         return Sensor(**parameters), max_frames
-    # The efficiency of a calibration is relative to the median jot, and so is the light.
+    # The efficiency of a calibration is relative to the median jot, and so is the light. A plan is
+    # for the light behind the filters.
     calibration = Calibration.load(options.calibration)
-    return calibration.sensor(**{"efficiency": 1.0, **parameters}), max_frames
+    return calibration.sensor(**{"efficiency": 1.0, "mosaic": None, **parameters}), max_frames
 
 
 def _light_range(text: str) -> tuple[float, float]:

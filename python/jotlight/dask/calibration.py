@@ -11,9 +11,9 @@ from jotlight.calibration.calibrate import (
     JotSums,
     calibrate_sums,
     check_limits,
-    filters_of_jots,
 )
 from jotlight.calibration.captured_sensor import captured_threshold
+from jotlight.calibration.jot_mosaics import mosaic_of_jots
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import block_frames, steadiness_of_blocks
 from jotlight.dask.counting import count
@@ -159,7 +159,7 @@ def calibrate(
             f"flat: expected the dark capture's {shape[0]} x {shape[1]} jots, got "
             f"{' x '.join(map(str, sums[1].blocks.shape[1:]))}"
         )
-    settings["filters"] = None if flat is None else filters_of_jots(flat, mosaic, shape)
+    settings["mosaic"] = None if flat is None else mosaic_of_jots(flat, mosaic, shape)
     arrays = [None if each is None else each.arrays() for each in sums]
     # dask takes the arrays in the list for parts of the graph.
     found = delayed(_finish)(arrays, _numbers(sums), settings)
@@ -232,7 +232,7 @@ def _finish(
     )
     assert dark is not None, "a dark capture"
     if flat is not None:
-        flat = dataclasses.replace(flat, filters=settings["filters"])
+        flat = dataclasses.replace(flat, mosaic=settings["mosaic"])
     provenance: dict[str, Provenance] = settings["provenance"]
     return calibrate_sums(
         dark,
