@@ -145,7 +145,8 @@ def test_bad_input_is_refused(call, message):
 COUNTING = [
     jl.FreeRunning(dead_time=0.01),
     jl.FreeRunning(dead_time=0.05, efficiency=0.5, dark_counts=2.0),
-    pytest.param(jl.FreeRunning(dead_time=1e-4, efficiency=0.8), marks=pytest.mark.slow),
+    jl.FreeRunning(dead_time=1e-4, efficiency=0.8),
+    jl.FreeRunning(dead_time=2e-6),
 ]
 
 
