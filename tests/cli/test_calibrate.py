@@ -25,12 +25,8 @@ def captures(tmp_path):
     dark[5, 6] = 1.0
     relative = 1 + 0.05 * rng.standard_normal(SHAPE)
     relative[10:13, 20:23] = 1e-4
-    sensor = jl.Sensor(
-        frames=600,
-        gain=600 * 1.3,
-        dark_counts=dark,
-        efficiency=np.clip(relative / 1.3, 1e-4, 1),
-    )
+    efficiency = np.clip(relative / 1.3, 1e-4, 1)
+    sensor = jl.Sensor(frames=600, gain=600 * 1.3, dark_counts=dark, efficiency=efficiency)
     jl.save(sensor.expose(np.zeros(SHAPE), 1), tmp_path / "dark.npy")
     jl.save(sensor.expose(np.full(SHAPE, 0.7), 2), tmp_path / "flat.npy")
     scene = np.tile(np.linspace(0.1, 0.8, SHAPE[1]), (SHAPE[0], 1))
@@ -311,9 +307,8 @@ def test_a_refused_calibration_leaves_all_files_unchanged(run, captures):
 
 def test_a_network_is_refused_as_a_calibration(run, captures):
     jl.Network.initial(jl.Sensor(frames=16)).save("n.safetensors")
-    status, output = run(
-        "reconstruct", "capture.npy", "-o", "a.npy", "--calibration", "n.safetensors"
-    )
+    command = ("reconstruct", "capture.npy", "-o", "a.npy")
+    status, output = run(*command, "--calibration", "n.safetensors")
     assert status == 1
     assert "expected a jotlight calibration, got a jotlight network" in output
 

@@ -7,7 +7,8 @@
 * ``detect`` finds the format of a file, ``reading`` opens it, ``scaled`` and ``with_mosaic`` add
   what the caller states about it, and ``writing`` writes it;
 * ``checksums`` and ``verification`` detect changes of a file since jotlight wrote it;
-* ``capture``, ``selection``, ``orientation``, and ``packing`` handle what was read;
+* ``capture``, ``count_stacks``, ``selection``, ``orientation``, and ``packing`` handle what was
+  read;
 * ``cube``, ``description``, ``labels``, and ``labeled`` keep the width, sensor, and provenance;
 * ``locations``, ``file_systems``, ``stubs``, and ``remote`` open URLs and globs;
 * ``checked_reading`` computes the checksum of frames while they are read;

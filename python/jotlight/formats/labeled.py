@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from jotlight.errors import SeveralArraysError, warn
-from jotlight.formats.capture import Capture, as_count_stack
+from jotlight.formats.capture import Capture
+from jotlight.formats.count_stacks import as_count_stack
 from jotlight.formats.format import OpenOptions
 from jotlight.formats.labels import AS_STATED, BITS, make_bits_label, parse_label
 from jotlight.formats.packing import check_packed, pack_lazily

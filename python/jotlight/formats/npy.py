@@ -15,8 +15,9 @@ from jotlight.checks import Counts
 from jotlight.files import atomic_write
 from jotlight.formats.archives import finish_npz, read_npz_label, stream_npz, verify_npz
 from jotlight.formats.arrays import open_npy_array, write_npy
-from jotlight.formats.capture import Capture, as_count_stack, stack_of_readings
+from jotlight.formats.capture import Capture
 from jotlight.formats.compressed import stream_npy_gz, write_npy_gz
+from jotlight.formats.count_stacks import as_count_stack, stack_of_readings
 from jotlight.formats.cube import describe_bits, open_cube
 from jotlight.formats.description import (
     Description,

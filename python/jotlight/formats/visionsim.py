@@ -11,7 +11,8 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.files import atomic_folder
 from jotlight.formats.arrays import open_npy_array, write_npy
-from jotlight.formats.capture import Capture, CountStack, as_count_stack
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.count_stacks import as_count_stack
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.orientation import transpose_packed
 from jotlight.formats.packing import pack_lazily

@@ -50,8 +50,7 @@ class Bits(ArrayHints):
     Raises
     ------
     TypeError, ValueError
-        When the array, the width, and the sensor do not fit together. Without a width, also when
-        each byte looks like one bit or a count.
+        When array, width, and sensor do not fit, or each byte without a width looks like a number.
 
     Examples
     --------

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.capture import Capture, as_count_stack
+from jotlight.formats.capture import Capture
 from jotlight.formats.checksums import check_appended, check_opened, missing_error
+from jotlight.formats.count_stacks import as_count_stack
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer

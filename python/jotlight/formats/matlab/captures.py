@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.files import atomic_folder
-from jotlight.formats.capture import Capture, as_count_stack
+from jotlight.formats.capture import Capture
 from jotlight.formats.checksums import check_seal, file_checksum, is_sealed, seal
+from jotlight.formats.count_stacks import as_count_stack
 from jotlight.formats.file_lists import natural_sort_key
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.hdf5.captures import load_library
