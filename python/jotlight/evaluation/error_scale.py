@@ -176,7 +176,7 @@ def combine_dim(z: Array, trials: Array) -> tuple[Array, Array, float]:
     --------
     >>> z, trials, factor = combine_dim(np.full((8, 8), 1 / 64), np.full((8, 8), 1024.0))
     >>> print(f"{z.mean():.3f} {trials.mean():.0f} {factor:.0f}")
-    0.125 16 64
+    0.253 4 256
     """
     p = np.sin(z) ** 2
     factor = trials_per_combined(p.astype(np.float32), trials.astype(np.float32))

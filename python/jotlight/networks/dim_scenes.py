@@ -63,8 +63,8 @@ def trials_per_combined(fraction: Image, trials: LocalTrials, smallest: int = 1)
     --------
     >>> dim = np.full((8, 8), 1 / 256, np.float32)
     >>> trials_per_combined(dim, 256), trials_per_combined(32 * dim, 256)
-    (16.0, 2.0)
-    >>> trials_per_combined(dim, 16)
+    (64.0, 2.0)
+    >>> trials_per_combined(dim, 4)
     1.0
     """
     bright = float(np.quantile(fraction, _NEARLY_ALL))
