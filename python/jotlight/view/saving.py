@@ -148,17 +148,26 @@ def _motion_facts(motion: Motion) -> dict[str, Any]:
 
 def _capture_facts(viewed: Viewable, part: Frames) -> dict[str, Any]:
     """Return the name of a capture, and the size and the CRC-32 of the frames of a window."""
-    path = viewed.opening.path
     if isinstance(part, Readings):
         part = CountStack(part.frames, Provenance("", ""))  # of which only the frames matter
     size, checksum = with_checksum(part)[1]()
     content = "packed" if isinstance(part, Bits) else "counts"
     return {
         "capture": viewed.title,
-        "bytes": None if path is None or is_url(path) else file_state(path)[0],
+        "bytes": _file_size(viewed.opening.path),
         f"{content}_bytes": size,
         f"{content}_crc32": f"{checksum:08x}",
     }
+
+
+def _file_size(path: str | None) -> int | None:
+    """Return the size of the files of a capture, or None for URLs and files that have vanished."""
+    if path is None or is_url(path):
+        return None
+    try:
+        return file_state(path)[0]
+    except OSError:  # frames in memory can still be saved
+        return None
 
 
 def file_name(viewed: Viewable, state: ViewState, ending: str) -> str:
