@@ -126,3 +126,22 @@ def test_the_options_of_file_systems_reach_globs(monkeypatch):
     monkeypatch.setattr(names, "find_matches", lambda *arguments: found.append(arguments) or ["a"])
     assert names.find_captures(["s3://b/*.npy"], {"anon": True}) == ["a"]
     assert found == [("s3://b/*.npy", {"anon": True})]
+
+
+def test_names_do_not_lead_out_of_the_folder_of_the_results(tmp_path, monkeypatch):
+    (tmp_path / "a").mkdir()
+    monkeypatch.chdir(tmp_path / "a")
+    paths = ["x.npy", "../b/y.npy"]
+    assert name_captures(paths, paths) == ["a/x", "b/y"]
+    assert name_captures(["../a/x.npy"], ["./../a/*.npy"]) == ["x"]
+    urls = ["s3://bucket/a/1.npy", "s3://bucket/a/../../2.npy"]
+    with pytest.raises(ValueError, match=r"2.npy: expected a path without \.\. in a run"):
+        name_captures(urls, urls)
+
+
+def test_paths_and_urls_are_named_by_their_files():
+    both = ["x/1.npy", "s3://bucket/2.npy"]
+    assert name_captures(both, both) == ["1", "2"]
+    equal = ["x/1.npy", "s3://bucket/1.npy"]
+    with pytest.raises(ValueError, match=r"expected different names .* got several 1\.npy"):
+        name_captures(equal, equal)

@@ -48,8 +48,11 @@ class CaptureSource:
         return _open(self.path, _HashableOptions(self.options), self.state)
 
     def describe(self) -> Record:
-        """Return the options that say how the capture is read, as values of JSON."""
-        hidden = ("isolate", "means", "storage_options")
+        """Return the options that say how the capture is read, as values of JSON.
+
+        The provenance of the capture states its region, which may be written in several ways.
+        """
+        hidden = ("isolate", "means", "storage_options", "region")
         return {
             name: repr(value) if isinstance(value, slice) else value
             for name, value in self.options

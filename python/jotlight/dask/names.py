@@ -139,7 +139,12 @@ def name_captures(captures: Sequence[str], patterns: Sequence[str]) -> list[str]
 
     The folder is the one that all patterns share: of a glob, the folders before the first one with
     a wildcard, and of another path, its own folder. So the name of a capture does not depend on
-    which others match. Only names that would be equal keep their endings.
+    which others match, unless they differ only in their endings. Then both keep their endings.
+
+    Raises
+    ------
+    ValueError
+        When a name would lead out of the folder of the results, or two would be equal.
 
     Examples
     --------
@@ -153,14 +158,25 @@ def name_captures(captures: Sequence[str], patterns: Sequence[str]) -> list[str]
     folders = [_fixed_folder(pattern) for pattern in patterns]
     pairs = itertools.takewhile(lambda level: len(set(level)) == 1, zip(*folders, strict=False))
     shared = len(list(pairs))
-    names = [PurePosixPath(*_parts(each)[shared:]) for each in captures]
+    # Paths and URLs share no folder.
+    names = [PurePosixPath(*_parts(each)[shared or -1 :]) for each in captures]
+    for each, name in zip(captures, names, strict=True):
+        if ".." in name.parts:
+            raise ValueError(f"{each}: expected a path without .. in a run, got {name}")
     short = [name.with_name(_stem(name.name)).as_posix() for name in names]
     found = Counter(short)
     complete = [name.as_posix() for name in names]
     chosen = [
         brief if found[brief] == 1 else name for brief, name in zip(short, complete, strict=True)
     ]
-    return chosen if len(set(chosen)) == len(chosen) else complete
+    if len(set(chosen)) < len(chosen):
+        chosen = complete
+    if twice := [name for name, number in Counter(chosen).items() if number > 1]:
+        raise ValueError(
+            f"captures: expected different names of files, because paths and URLs share no folder, "
+            f"got several {twice[0]}; run them one after the other"
+        )
+    return chosen
 
 
 def _fixed_folder(pattern: str) -> tuple[str, ...]:
@@ -172,7 +188,10 @@ def _fixed_folder(pattern: str) -> tuple[str, ...]:
 
 
 def _parts(path: str) -> tuple[str, ...]:
-    return PurePosixPath(path if is_url(path) else Path(path).absolute().as_posix()).parts
+    if is_url(path):
+        return PurePosixPath(path).parts
+    # Without "..", but with symbolic links.
+    return PurePosixPath(Path(os.path.normpath(Path(path).absolute())).as_posix()).parts
 
 
 def _stem(name: str) -> str:
