@@ -63,6 +63,7 @@ def test_hot_jots_are_found_where_nearly_all_counts_are_0():
     assert calibration.insufficient_frames_reason() is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("threshold", "rate", "frames", "share"),
     [(1, 1e-6, 200, 0.02), (1, 1e-5, 100, 0.1), (1, 1e-5, 100, 0.25), (3, 0.008, 2000, 0.01)],

@@ -31,14 +31,11 @@ CLEAN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["rates differ", "few counts, rates differ much"]
-    + [
-        pytest.param(name, marks=pytest.mark.slow)
-        for name in CLEAN
-        if name not in ("rates differ", "few counts, rates differ much")
-    ],
+    + [name for name in CLEAN if name not in ("rates differ", "few counts, rates differ much")],
 )
 def test_clean_dark_maps_have_false_positives_at_the_stated_rate_at_most(name):
     rates, frames = CLEAN[name]

@@ -15,6 +15,7 @@ def drawn(times, light, rate, dark, readings, pixels, seed):
     return Gates(ones.astype(float), np.full(shape, float(readings)), times, dark)
 
 
+@pytest.mark.slow
 def test_weak_light_over_dark_counts_has_the_best_maximum_of_many_searches():
     times = np.linspace(0, 1, 12)
     gates = drawn(times, 0.1, 3.3, 0.05, 100, 12, seed=0)

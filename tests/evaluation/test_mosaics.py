@@ -138,6 +138,7 @@ def test_other_data_have_planes_by_default(options):
         jl.reconstruct(*arguments, demosaicing="network", **maps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [

@@ -54,6 +54,7 @@ def assert_sums(merged, ones, trials):
     assert (merged.ones <= ones).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("upsample", [1, 2])
 def test_a_single_channel_keeps_its_axis(upsample):
     _, bits = moved(shifts_of((1, -2)), shape=SIZE, photons=0.4, rng=0)
@@ -76,6 +77,7 @@ def test_whole_shifts_give_the_sums_of_shifted_frames_bit_for_bit(step):
     np.testing.assert_allclose(merged.acceptance, merged.trials / np.maximum(trials, 1), rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "at", "upsample"),
     [
@@ -83,7 +85,7 @@ def test_whole_shifts_give_the_sums_of_shifted_frames_bit_for_bit(step):
         pytest.param("shake", None, 1, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
         pytest.param("fast", None, 2, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
         pytest.param("layers", None, 1, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
-        pytest.param("sheet", None, 1, marks=pytest.mark.slow),
+        ("sheet", None, 1),
     ],
 )
 def test_merging_alone_is_merging_along_what_align_returns(tmp_path, motion, at, upsample):

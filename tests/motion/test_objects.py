@@ -105,6 +105,7 @@ def test_the_velocity_of_a_candidate_is_refined():
     assert objects._candidates(paths, bits, far) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [0.15, 0.0])
 def test_a_motion_is_improved_inside_outlines_if_the_bits_are_then_more_likely(monkeypatch, error):
     paths = background_of(2)

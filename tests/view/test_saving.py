@@ -35,6 +35,7 @@ def opened(path, **options):
     return _open(str(path), CaptureOptions(**options), CapturedSensorOptions())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["png", "tif", "exr"])
 def test_the_record_is_that_of_reconstruct(run, moving, tmp_path, ending):
     if ending == "exr":
