@@ -197,6 +197,27 @@ def test_bits_of_another_size_or_orientation_are_refused(calibration):
         known.sensor(jl.Bits(bits.packed, bits.width, provenance=turned))
 
 
+def test_bits_of_another_region_are_refused(calibration):
+    dark = jl.Bits(np.zeros((4, 64, 8), np.uint8), 64, provenance=Provenance("npy", "dark.npy"))
+    known = dataclasses.replace(calibration, provenance={"dark": dark[:, 1:33, 3:43].provenance})
+    known.sensor(dark[:, :, 3:][:, 1:33, :40])  # the same jots, selected in two steps
+    with pytest.raises(ValueError, match=r"this capture is of rows 0:32 and .*\(--region\)$"):
+        known.sensor(dark[:, :32, :40])
+    with pytest.raises(ValueError, match=r"--rotate, --flip, --width, --region\)$"):
+        known.sensor(dark)
+    # The first row of a camera that crops may be any row of the whole sensor.
+    cropped = jl.Bits(np.zeros((4, 32, 6), np.uint8), 48, provenance=Provenance("npy", "a.npy"))
+    known.sensor(cropped[:, :, :40])
+    for provenance, words in (
+        (cropped[:, :, :40].provenance, "rows 0:32 and columns 0:40 of 32 x 48"),
+        (Provenance("npy", "b.npy"), "an unknown region"),
+    ):
+        assert known.unconfirmed_reason(provenance) == (
+            "the calibration is of rows 1:33 and columns 3:43 of 64 x 64, and the capture is of "
+            + words
+        )
+
+
 def test_bits_whose_hot_jots_are_elsewhere_cause_a_warning():
     rng = np.random.default_rng(1)
     dark = np.where(rng.random((64, 64)) < 0.02, 1.0, 0.002)

@@ -66,3 +66,10 @@ def test_warnings_of_the_calibration_are_issued_here():
 def test_bad_options_are_refused_before_work(options, message):
     with pytest.raises(ValueError, match=message):
         jl.dask.calibrate(captures()[0], **options)
+
+
+def test_dark_and_flat_captures_of_different_regions_are_refused(tmp_path):
+    jl.save(jl.Bits.from_array(np.zeros((20, 16, 24), bool)), tmp_path / "a.npy")
+    bits = jl.open(tmp_path / "a.npy")
+    with pytest.raises(ValueError, match=r"flat capture is of rows 8:16 .*\(--region\)$"):
+        jl.dask.calibrate(bits[:, :8], bits[:, 8:])

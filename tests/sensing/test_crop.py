@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.sensing.crop import Region, note_part, noted_region
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
@@ -165,3 +166,25 @@ def test_data_without_provenance_have_none_after_cropping():
     assert bits[:, 1:].provenance is None
     bits.provenance = Provenance("npy", "a.npy")
     assert bits[:, :, :].provenance == bits.provenance
+
+
+def test_the_region_of_a_converted_file_refers_to_the_original(tmp_path):
+    jl.save(jl.Bits.from_array(np.zeros((2, 16, 24), bool)), tmp_path / "a.npy")
+    part = jl.open(tmp_path / "a.npy")[:, 3:13, 5:23]
+    jl.save(part, tmp_path / "b.npy")
+    again = jl.open(tmp_path / "b.npy")
+    assert noted_region(again.provenance) == (Region(range(3, 13), range(5, 23)), (16, 24))
+    inner = again[:, 2:4, 1:]
+    assert noted_region(inner.provenance) == (Region(range(5, 7), range(6, 23)), (16, 24))
+    # Rows before a turn are not those after it.
+    turned = jl.open(tmp_path / "b.npy", rotate=180)
+    assert noted_region(turned.provenance) is None
+    first = jl.open(tmp_path / "a.npy", rotate=180)[:, :4]
+    assert noted_region(first.provenance) == (Region(range(4), range(24)), (16, 24))
+    assert noted_region(jl.open(tmp_path / "a.npy").provenance) is None
+
+
+def test_the_region_of_data_with_an_unknown_orientation_is_unknown():
+    unknown = Provenance("npy", "a.npy", orientation=None)
+    part = note_part(unknown, slice(2), Region(range(3), range(5)), (2, 8, 8))
+    assert noted_region(part) is None

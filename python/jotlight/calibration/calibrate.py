@@ -14,7 +14,7 @@ from jotlight.calibration.flat import measure_response
 from jotlight.calibration.hot_jots import check_false_positive_rate
 from jotlight.calibration.jot_counts import JotCounts
 from jotlight.calibration.jot_mosaics import mosaic_of_jots
-from jotlight.calibration.result import Calibration, check_same_orientation
+from jotlight.calibration.result import Calibration, check_same_jots
 from jotlight.calibration.steadiness import Steadiness, steadiness, warn_about_frames
 from jotlight.checks import Counts, as_counts, positive_number, real_number, shown
 from jotlight.errors import warn
@@ -124,7 +124,7 @@ def calibrate(
         raise ValueError("mosaic: is for a flat capture, and there is none; leave it out")
     known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)
     if "dark" in known and "flat" in known:
-        check_same_orientation("flat", known["flat"], "dark", known["dark"])
+        check_same_jots("flat", known["flat"], "dark", known["dark"])
     half = 0.5 if flat is not None else 1.0
 
     def progress_from(first: float) -> Callable[[float], object] | None:

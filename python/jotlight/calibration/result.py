@@ -18,6 +18,7 @@ from jotlight.calibration.jot_mosaics import mosaic_of_pixels
 from jotlight.calibration.steadiness import Steadiness
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.crop import noted_region
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
@@ -72,8 +73,8 @@ class Calibration(CalibrationFields):
     mosaic : jotlight.sensing.mosaic.Mosaic, optional
         The color filters of the jots. None for a gray sensor, and without a flat capture.
     provenance : dict
-        Where the captures come from, and their orientation, if known, with the keys ``"dark"`` and
-        ``"flat"``.
+        Where the captures come from, and their orientation and region, if known, with the keys
+        ``"dark"`` and ``"flat"``.
     """
 
     def sensor(self, frames: int | Bits = 1, **changes: Any) -> Sensor:
@@ -93,7 +94,7 @@ class Calibration(CalibrationFields):
         Raises
         ------
         TypeError, ValueError
-            When the bits have another size or orientation than the calibration.
+            When the bits have another size, orientation, or region than the calibration.
 
         Warns
         -----
@@ -165,16 +166,16 @@ class Calibration(CalibrationFields):
         return self.mask | mask
 
     def check_capture(self, shape: tuple[int, ...], provenance: Provenance | None = None) -> None:
-        """Raise ValueError unless a capture has the same size and orientation."""
+        """Raise ValueError unless a capture has the same size, orientation, and region."""
         if tuple(shape) != self.shape:
             raise ValueError(
                 f"calibration: it has {self.shape[0]} x {self.shape[1]} jots, and the capture "
                 f"has {' x '.join(map(str, shape))}; calibrate with captures that are opened in "
-                "the same way (--rotate, --flip, --width)"
+                "the same way (--rotate, --flip, --width, --region)"
             )
         for name, own in self.provenance.items():
             if provenance is not None:
-                check_same_orientation("this", provenance, f"the calibration's {name}", own)
+                check_same_jots("this", provenance, f"the calibration's {name}", own)
 
     def unconfirmed_reason(self, provenance: Provenance | None) -> str | None:
         """Return why a capture may have its jots in other places than the calibration, or None."""
@@ -187,6 +188,11 @@ class Calibration(CalibrationFields):
         own, other = [*known.lineage()][-1].format, [*provenance.lineage()][-1].format
         if own != other:
             return f"the calibration is from {own} and the capture is from {other}"
+        if noted_region(known) != noted_region(provenance):
+            return (
+                f"the calibration is of {_region_words(known)}, and the capture is of "
+                f"{_region_words(provenance)}"
+            )
         return None
 
     def metadata(self) -> dict[str, Any]:
@@ -296,10 +302,8 @@ class Calibration(CalibrationFields):
             raise ValueError(f"{path}: the calibration is damaged ({error})") from error
 
 
-def check_same_orientation(
-    name: str, provenance: Provenance, other_name: str, other: Provenance
-) -> None:
-    """Raise ValueError if two captures are known to have different orientations."""
+def check_same_jots(name: str, provenance: Provenance, other_name: str, other: Provenance) -> None:
+    """Raise ValueError if two captures are known to have different orientations or regions."""
     if (
         None not in (provenance.orientation, other.orientation)
         and provenance.orientation != other.orientation
@@ -310,3 +314,21 @@ def check_same_orientation(
             f"{other.describe_orientation()}; open them in the same orientation "
             "(--rotate, --flip)"
         )
+    region, other_region = noted_region(provenance), noted_region(other)
+    # Rows of frames of different sizes may be the same jots, because cameras crop, too.
+    if (
+        region is not None
+        and other_region is not None
+        and region != other_region
+        and region[1] == other_region[1]
+    ):
+        raise ValueError(
+            f"calibration: {name} capture is of {_region_words(provenance)}, and {other_name} "
+            f"capture is of {_region_words(other)}; open them with the same region (--region)"
+        )
+
+
+def _region_words(provenance: Provenance) -> str:
+    """Return the region of a capture in words."""
+    found = noted_region(provenance)
+    return "an unknown region" if found is None else found[0].describe((0, *found[1]))

@@ -14,7 +14,7 @@ from jotlight.calibration.calibrate import (
 )
 from jotlight.calibration.captured_sensor import captured_threshold
 from jotlight.calibration.jot_mosaics import mosaic_of_jots
-from jotlight.calibration.result import Calibration, check_same_orientation
+from jotlight.calibration.result import Calibration, check_same_jots
 from jotlight.calibration.steadiness import block_frames, steadiness_of_blocks
 from jotlight.dask.counting import count
 from jotlight.dask.pieces import width_in_jots
@@ -140,7 +140,7 @@ def calibrate(
         if isinstance(each, Bits) and each.provenance is not None
     }
     if "dark" in known and "flat" in known:
-        check_same_orientation("flat", known["flat"], "dark", known["dark"])
+        check_same_jots("flat", known["flat"], "dark", known["dark"])
     settings: dict[str, Any] = {
         "threshold": threshold,
         "false_positive_rate": false_positive_rate,

@@ -12,6 +12,11 @@ from jotlight.sensing.frames import Frames, Packed, format_frame_range
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
 
+_REGION_NOTE = re.compile(
+    r"rows (\d{1,9}):(\d{1,9}) and columns (\d{1,9}):(\d{1,9}) of (\d{1,9}) x (\d{1,9})", re.ASCII
+)
+"""What :meth:`Region.describe` returns."""
+
 S = TypeVar("S", bound=SensorLike)
 
 OneFrame = tuple[SupportsIndex, slice] | tuple[SupportsIndex, slice, slice]
@@ -186,6 +191,40 @@ def note_part(
         taken = format_frame_range(slice(start, stop, None if step == 1 else step))
         provenance = provenance.with_notes(f"frames {taken} of {shape[0]}")
     return provenance if region is None else provenance.with_notes(region.describe(shape))
+
+
+def noted_region(provenance: Provenance) -> tuple[Region, tuple[int, int]] | None:
+    """Return the region that data have according to :func:`note_part`, or None if it is unknown.
+
+    Returns
+    -------
+    region : Region
+        Rows and columns of the frames from which the first region was taken.
+    size : (int, int)
+        The rows and columns of these frames.
+
+    Examples
+    --------
+    >>> whole = Provenance("npy", "a.npy")
+    >>> part = note_part(whole, slice(9), Region(range(8, 40), range(64)), (9, 64, 64))
+    >>> noted_region(note_part(part, slice(9), Region(range(2, 6), range(5, 9)), (9, 32, 64)))
+    (Region(rows=range(10, 14), columns=range(5, 9)), (64, 64))
+    """
+    found: tuple[Region, tuple[int, int]] | None = None
+    for step in reversed([*provenance.lineage()]):
+        for match in filter(None, map(_REGION_NOTE.fullmatch, step.notes)):
+            # A file is turned before its region is taken. Regions before and after a turn do not
+            # refer to the same rows.
+            if step.orientation is None or step.orientation != provenance.orientation:
+                return None
+            top, bottom, left, right, height, width = map(int, match.groups())
+            rows, columns = slice(top, bottom), slice(left, right)
+            if found is None:
+                found = Region(range(height)[rows], range(width)[columns]), (height, width)
+            else:
+                outer, size = found
+                found = Region(outer.rows[rows], outer.columns[columns]), size
+    return found
 
 
 def split_index(index: Any) -> tuple[Any, tuple[Any, ...]]:
