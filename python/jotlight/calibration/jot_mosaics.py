@@ -46,6 +46,26 @@ def mosaic_of_jots(flat: object, mosaic: object, shape: tuple[int, ...]) -> Mosa
     return dataclasses.replace(pixels, pattern=jots[:rows, :columns] if repeats else jots)
 
 
+def has_filters_of_jots(sensor: Sensor, jots: Mosaic, shape: tuple[int, int]) -> bool:
+    """Return whether the jots of a sensor, (H, W), lie behind the filters of a mosaic of jots.
+
+    Examples
+    --------
+    >>> sensor = Sensor(oversampling=2, mosaic="RGGB")
+    >>> has_filters_of_jots(sensor, Mosaic("RRGG/RRGG/GGBB/GGBB"), (8, 8))
+    True
+    >>> has_filters_of_jots(sensor, Mosaic("RGGB"), (8, 8))
+    False
+    """
+    pixels = sensor.mosaic
+    return (
+        pixels is not None
+        and pixels.filters == jots.filters
+        and np.array_equal(pixels.transmission, jots.transmission)
+        and np.array_equal(pixels.of_jots(*shape, sensor.oversampling), jots.full(*shape))
+    )
+
+
 def mosaic_of_pixels(jots: Mosaic, oversampling: int) -> Mosaic:
     """Return the mosaic of pixels of some jots per dimension.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
-from jotlight.calibration.jot_mosaics import mosaic_of_pixels
+from jotlight.calibration.jot_mosaics import has_filters_of_jots
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -69,7 +69,13 @@ class AppliedCalibration:
         lines = [f"calibration {self.name}: {', '.join(applied) or 'nothing'}"]
         if applied and (unsure := found.unconfirmed_reason(provenance)) is not None:
             lines.append(
-                f"calibration {self.name}: {unsure}; the jots are assumed to be oriented alike"
+                f"calibration {self.name}: {unsure}; the jots are assumed to be in the same places"
+            )
+        if found.mosaic is not None and sensor.mosaic is not None and not used["mosaic"]:
+            side = sensor.oversampling
+            lines.append(
+                f"calibration {self.name}: its jots have color filters {found.mosaic!r}, and the "
+                f"sensor has {sensor.mosaic!r} on pixels of {side} x {side} jots, which are used"
             )
         return lines
 
@@ -81,7 +87,7 @@ class AppliedCalibration:
             and np.array_equal(sensor.efficiency, found.efficiency),
             "mask": sensor.mask is not None and np.array_equal(sensor.mask, found.mask),
             "mosaic": found.mosaic is not None
-            and sensor.mosaic == mosaic_of_pixels(found.mosaic, sensor.oversampling),
+            and has_filters_of_jots(sensor, found.mosaic, found.shape),
         }
 
     def description(
