@@ -215,3 +215,17 @@ def test_networks_and_intervals_take_them():
 def test_bad_counts_are_refused(counts, options, message):
     with pytest.raises(ValueError, match=message):
         COUNTING[0].merge(counts, **options)
+
+
+@pytest.mark.parametrize("light", [1e300, np.inf])
+@pytest.mark.parametrize("pixel", [*PIXELS, jl.FreeRunning(dead_time=0.01)])
+def test_light_without_bound_saturates(pixel, light):
+    # Warnings are errors.
+    last = pixel.max_count
+    assert pixel.mean(light) == last
+    assert pixel.information(light) == 0
+    assert pixel.probability([0, last - 1, last], light).tolist() == [0, 0, 1]
+    assert pixel.at_least([0, last, last + 1], light).tolist() == [1, 1, 0]
+    assert pixel.score(last, light) == 0
+    assert pixel.mean(pixel.interval([0, last])[1])[1] == last
+    assert pixel.draw([light], rng=0) == last

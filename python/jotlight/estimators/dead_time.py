@@ -19,6 +19,9 @@ from jotlight.sensing.sensor import Sensor
 _MAX_DETECTIONS = 5e8
 """Largest number of detections whose short readings a sensor can number."""
 
+_SATURATED_RATE = 1e30
+"""Higher rates count as this one, at which all pixels are at saturation."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FreeRunning:
@@ -99,7 +102,13 @@ class FreeRunning:
         return self._renewal.probabilities(n, self._rate(light)[..., None])[..., 0]
 
     def mean(self, light: npt.ArrayLike) -> Array:
-        """Return the expected number of detections: the sum of P(N ≥ n) over n from 1."""
+        """Return the expected number of detections: the sum of P(N ≥ n) over n from 1.
+
+        Examples
+        --------
+        >>> FreeRunning(dead_time=0.01).mean([100.0, np.inf]).round(1).tolist()
+        [50.1, 100.0]
+        """
         return self._renewal.mean(self._rate(light))
 
     @takes_rng
@@ -270,7 +279,8 @@ class FreeRunning:
         levels = np.asarray(light, np.float64)
         if not (levels >= 0).all():
             raise ValueError(f"light: expected photons per exposure, 0 or more, got {shown(light)}")
-        return self.efficiency * levels + self.dark_counts
+        # Infinite light, the upper end of an interval, has the limits of all sums.
+        return np.minimum(self.efficiency * levels + self.dark_counts, _SATURATED_RATE)
 
     def _checked(self, counts: npt.ArrayLike, beyond: int = 0) -> npt.NDArray[np.int64]:
         values = np.asarray(counts)
