@@ -188,6 +188,41 @@ def test_bad_input_is_refused(call, message):
         call()
 
 
+TIMES_OF_THREE = [0.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize("trials", [None, 9])
+@pytest.mark.parametrize(
+    ("values", "error", "message"),
+    [
+        (np.ma.masked_array([4, 2, 1], [0, 1, 0]), TypeError, "expected a plain array, got a mask"),
+        (np.array([4, 2, 1j]), ValueError, "expected .* numbers"),
+        (["a", "b", "c"], ValueError, "expected .* numbers"),
+        ([[4, 2], [1]], ValueError, "expected rows of the same length"),
+    ],
+)
+def test_detections_that_are_no_numbers_are_refused_with_and_without_trials(
+    values, error, message, trials
+):
+    name = "detections" if trials is None else "counts"
+    with pytest.raises(error, match=f"{name}: {message}"):
+        jl.gates.decay_lifetime(values, TIMES_OF_THREE, trials=trials)
+    if trials is None:
+        with pytest.raises(error, match=f"gate_times: {message}"):
+            jl.gates.decay_lifetime([4, 2, 1], values)
+
+
+@pytest.mark.parametrize("times", [[-1.7e308, 0, 1.7e308], [0, 1e-320, 1.0], [0, 1.0, 1 + 1e-13]])
+def test_times_whose_steps_vanish_in_their_span_are_refused(times):
+    with pytest.raises(ValueError, match=r"gate_times: expected a span of at most .* and steps of"):
+        jl.gates.decay_lifetime([4, 2, 1], times)
+
+
+def test_the_largest_span_of_times_has_finite_lifetimes():
+    lifetime = jl.gates.decay_lifetime([4, 2, 1], [0, 5e299, 1e300])
+    assert lifetime == pytest.approx(5e299 / np.log(2), rel=1e-6)
+
+
 def test_trials_may_belong_to_gates():
     counts = np.array([[[3, 1]], [[2, 5]]])
     found = jl.gates.gate_detections(counts, [10, 20])

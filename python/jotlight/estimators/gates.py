@@ -5,11 +5,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, positive_number, shown
+from jotlight.checks import (
+    number_in_range,
+    positive_number,
+    refuse_masked,
+    shown,
+    to_array,
+    type_of,
+)
 from jotlight.errors import import_extra
 from jotlight.estimators.decays import TOLERANCE, Gates, decay_rates
 from jotlight.sensing.response import Array
 from jotlight.sensing.values import numbers_from_zero
+
+_MIN_STEP = 1e-12
+"""Smallest step between the times of gates, as a fraction of their span."""
+
+_MAX_SPAN = 1e300
+"""Largest span of the times of gates. Their lifetimes are finite numbers, too."""
 
 
 def gate_detections(
@@ -121,7 +134,8 @@ def decay_lifetime(
         With `trials`, L: the number of ones of gates of equal width. Otherwise numbers of photons,
         or expected detections of :func:`gate_detections`; those that are not finite are left out.
     gate_times : array_like of float, shape (G,)
-        The beginning of each gate, in any unit. They rise.
+        The beginning of each gate, in any unit. They rise, in steps of at least 1e-12 of
+        their span.
     trials, first_photon, dark_counts
         See :func:`gate_detections`. Default of the trials: `detections` are no counts of ones.
 
@@ -133,8 +147,10 @@ def decay_lifetime(
 
     Raises
     ------
+    TypeError
+        For masked arrays.
     ValueError
-        When the arrays do not fit together, or numbers are out of range.
+        When the arrays do not fit together, or hold no numbers, or these are out of range.
 
     Notes
     -----
@@ -175,7 +191,7 @@ def _photons(detections: npt.ArrayLike) -> tuple[Array, Array]:
 
     Numbers that are not finite get no readings.
     """
-    values = np.asarray(detections, np.float64)
+    values = _real_numbers("detections", detections, "fill it with NaN: such gates are left out")
     if (values < 0).any():
         raise ValueError(f"detections: expected numbers of 0 or more, got {values.min():g}")
     usable = np.isfinite(values)
@@ -183,9 +199,21 @@ def _photons(detections: npt.ArrayLike) -> tuple[Array, Array]:
     return photons, np.where(usable, 2.0**40 * (photons.max(initial=0.0) or 1.0), 0.0)
 
 
+def _real_numbers(name: str, values: npt.ArrayLike, advice: str) -> Array:
+    """Return an array of real numbers as float64. The advice is for a masked array."""
+    refuse_masked(name, values, advice)
+    array = to_array(name, values)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(
+            f"{name}: expected an array of real numbers, got {type_of(values, array)}; cast it "
+            "with astype(float)"
+        )
+    return np.asarray(array, np.float64)
+
+
 def _rising_times(gate_times: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return the time of each gate as float64, (G,)."""
-    times = np.asarray(gate_times, np.float64)
+    times = _real_numbers("gate_times", gate_times, "leave out the gates without a time")
     if times.shape != shape[:1] or len(times) < 2:
         raise ValueError(
             "gate_times: expected the time of each gate, (G,) with G of 2 or more, got shape "
@@ -195,6 +223,14 @@ def _rising_times(gate_times: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
         raise ValueError(
             f"gate_times: expected finite, increasing times, got {shown(times)}; sort the gates by "
             "time"
+        )
+    with np.errstate(over="ignore"):
+        span, step = times[-1] - times[0], np.diff(times).min()
+    if span > _MAX_SPAN or step < _MIN_STEP * span:
+        raise ValueError(
+            f"gate_times: expected a span of at most {_MAX_SPAN:g}, and steps of at least "
+            f"{_MIN_STEP:g} of it, got a span of {span:g} and a step of {step:g}; use a larger "
+            "unit, and merge gates that begin together"
         )
     return times
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import MAX_SHOWN, refuse_masked, shown, whole_numbers
+from jotlight.checks import MAX_SHOWN, refuse_masked, shown, to_array, whole_numbers
 from jotlight.sensing.readings import Readings
 
 
@@ -46,7 +46,7 @@ def numbers_from_zero(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float6
     TypeError
         For masked arrays.
     ValueError
-        For values that are not numbers, negative, or not finite.
+        For values that are not numbers, negative, or not finite, and for rows of different length.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def numbers_from_zero(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float6
     [2.0, 0.5]
     """
     refuse_masked(name, values)
-    array = np.asarray(values)
+    array = to_array(name, values)
     if array.dtype.kind not in "iuf" or not (np.isfinite(array) & (array >= 0)).all():
         raise ValueError(f"{name}: expected finite numbers, 0 or more, got {_outside(values)}")
     return as_doubles(array)
