@@ -35,6 +35,32 @@ def test_weak_light_over_dark_counts_has_the_best_maximum_of_many_searches():
         assert rate == pytest.approx(best.x[1], rel=1e-3)
 
 
+def test_strong_dark_counts_do_not_hide_the_best_maximum():
+    # Another maximum, at a rate of 4.6, has a log-likelihood of -193.552.
+    times = np.array([0, 0.3, 0.9, 1.0, 2.5, 4]) / 4
+    ones = np.array([96.0, 87, 94, 88, 87, 88])[:, None]
+    gates = Gates(ones, np.full((6, 1), 100.0), times, 2.0)
+    rate = decay_rates(gates)
+    likelihoods = [gates.log_likelihood(np.array([[a], rate]))[0] for a in np.linspace(-3, 3, 601)]
+    assert max(likelihoods) == pytest.approx(-193.345, abs=1e-3)
+
+
+def test_maxima_over_dark_counts_are_those_of_a_dense_grid():
+    times = np.linspace(0, 1, 12)
+    gates = drawn(times, 0.3, 5.0, 1.0, 100, 200, seed=3)
+    rates = decay_rates(gates)
+    gates, rates = gates.at(np.flatnonzero(rates > 0)), rates[rates > 0]
+
+    def highest(rate, amplitudes):
+        points = (np.stack([np.full(rate.shape, a), rate]) for a in amplitudes)
+        return np.max([gates.log_likelihood(point) for point in points], axis=0)
+
+    grid = [highest(np.full(rates.shape, r), np.linspace(-9, 3, 49)) for r in np.arange(0, 44, 0.5)]
+    found = highest(rates, np.linspace(-9, 3, 481))
+    assert len(rates) > 150
+    assert (found > np.max(grid, axis=0) - 0.01).all()
+
+
 @pytest.mark.parametrize("gate_widths", [0.4, 1.0, 40.0])
 def test_lifetimes_of_parts_of_a_gate_and_of_many_gates_are_found(gate_widths):
     times = np.linspace(0, 1, 256)

@@ -17,6 +17,9 @@ _MAX_HALVINGS = 20
 _MAX_STEP = 3.0
 """Largest change of a value x (a or r) in a step, in multiples of 1 + |x|."""
 
+_AMPLITUDE_STEPS = 2
+"""Number of steps to the most likely amplitude of each rate at which a search may begin."""
+
 TOLERANCE = 1e-8
 """A search ends when steps are smaller, in multiples of 1 + |x|. Smaller rates count as 0."""
 
@@ -63,8 +66,27 @@ class Gates:
             np.stack([np.log(total / np.exp(-rate * self.times).sum()), np.full(total.shape, rate)])
             for rate in [0.0, *2.0 ** np.arange(-1, np.ceil(np.log2(fastest)) + 1)]
         ]
+        if self.dark_counts:  # The likelihood may have several maxima.
+            points += [self.with_likely_amplitude(point) for point in points]
         best = np.argmax([self.log_likelihood(point) for point in points], axis=0)
         return np.asarray(np.take_along_axis(np.stack(points), best[None, None], axis=0)[0])
+
+    def with_likely_amplitude(self, point: Array) -> Array:
+        """Return a point whose a is about the most likely one at its r, by Fisher scoring."""
+        point = point.copy()
+        for _ in range(_AMPLITUDE_STEPS):
+            _, score, weights = self.derivatives(self.light(point))
+            slope, information = score.sum(axis=0), weights.sum(axis=0)
+            step = np.divide(slope, information, out=np.zeros_like(slope), where=information > 0)
+            point[0] += np.clip(step, -_MAX_STEP, _MAX_STEP)
+        return point
+
+    def derivatives(self, light: Array) -> tuple[Array, Array, Array]:
+        """Return the odds of a 0, and the slope and the information about log light, (G, P)."""
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            odds = 1 / np.expm1(light + self.dark_counts)
+            score = light * (self.ones * odds - (self.readings - self.ones))
+            return odds, score, light**2 * self.readings * odds
 
     def log_likelihood(self, point: Array) -> Array:
         """Return the logarithm of the likelihood without its constant terms, (P,)."""
@@ -78,13 +100,12 @@ class Gates:
         Where the likelihood is not concave, the Fisher information replaces its curvature.
         """
         light, places = self.light(point), np.stack([self.times**0, -self.times])
+        odds, score, weights = self.derivatives(light)
         squares = np.stack([places[0], places[1], places[1] ** 2])
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            odds = 1 / np.expm1(light + self.dark_counts)
-            score = light * (self.ones * odds - (self.readings - self.ones))
             slope = places @ score
             curvature = squares @ (light**2 * self.ones * odds * (1 + odds) - score)
-            information = squares @ (light**2 * self.readings * odds)
+            information = squares @ weights
             is_concave = (curvature[0] > 0) & (curvature[0] * curvature[2] > curvature[1] ** 2)
             first, mixed, last = np.where(is_concave, curvature, information)
             step = np.stack(

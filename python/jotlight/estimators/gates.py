@@ -156,7 +156,9 @@ def decay_lifetime(
     -----
     A gate at the time t expects λ = A exp(-t/τ) + d detections per reading, and a reading is 1
     with the probability 1 - exp(-λ). Newton's method finds the A and τ that maximize the binomial
-    likelihood, or the Poisson likelihood of photons, which is its limit for many readings.
+    likelihood, or the Poisson likelihood of photons, which is its limit for many readings. Dark
+    counts may cause several maxima. The search then begins at the most likely of some lifetimes,
+    each with an A of its own, so it rarely ends at a lower maximum.
 
     Examples
     --------
