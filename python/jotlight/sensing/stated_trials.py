@@ -10,6 +10,9 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.reading_groups import frames_differ
 from jotlight.sensing.sensor import Sensor
 
+_MAX_TRIALS = 2**31
+"""Sensors have fewer trials per pixel."""
+
 
 def merge_counts(counts: npt.NDArray[np.int32], trials: Any, sensor: Sensor) -> Merged:
     """Return counts (H, W) of plain bits with their trials, which are 0 where jots are dead.
@@ -32,7 +35,8 @@ def with_trials(sensor: Sensor, trials: float | npt.NDArray[np.float64]) -> Sens
     Raises
     ------
     TypeError, ValueError
-        When the trials are not the same number of whole frames in all pixels, or the frames differ.
+        When the trials are not the same number of whole frames in all pixels, or are 2**31 or
+        more, or the frames differ.
 
     Examples
     --------
@@ -47,12 +51,14 @@ def with_trials(sensor: Sensor, trials: float | npt.NDArray[np.float64]) -> Sens
     distinct = np.unique(trials)
     per_frame = sensor.oversampling**2
     frames = int(distinct[0]) // per_frame
-    if distinct.size > 1 or frames < 1 or distinct[0] != frames * per_frame:
+    is_whole = frames >= 1 and distinct[0] == frames * per_frame
+    if distinct.size > 1 or not is_whole or distinct[0] >= _MAX_TRIALS:
         reason = f"read noise {sensor.read_noise:g}"
         if sensor.readings_differ:
             reason = "a threshold for each jot"
+        numbers = "whole number" if per_frame == 1 else f"multiple of {per_frame}"
         raise ValueError(
-            f"trials: expected one multiple of {per_frame} for all pixels, because the sensor has "
+            f"trials: expected one {numbers} below 2**31 for all pixels, because the sensor has "
             f"{reason}, got {shown(trials)}; state dead jots with its mask"
         )
     return sensor if frames == sensor.frames else sensor.replace(frames=frames)
