@@ -61,6 +61,7 @@ def test_the_longest_chain_of_units_is_short(imports):
                 "preview",
                 "provenance",
                 "sensor_like",
+                "slices",
             },
         ),
         ("simulate", {"intensity_scale", "output_images", "sensor_like"}),

@@ -12,11 +12,12 @@ from jotlight.errors import warn
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.crop import OneFrame, Region, crop_frames, split_index
-from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
+from jotlight.sensing.frames import Frames, frame_index, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.scaled_counts import scaled_counts_hint
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.slices import refuse_no_frames
 
 _MAX_COUNT = 2**31 - 1
 """Largest count of an image, and of the sum of all."""

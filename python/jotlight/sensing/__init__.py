@@ -11,7 +11,7 @@ In reading order:
 * ``mosaic`` with ``mosaic_text`` and ``mosaic_checks``: color filters;
 * ``bits``, ``frames``, and ``provenance``: packed bits in memory or in files, and their origin.
   ``sensor_like`` is what bits need of a sensor, ``counting`` counts their ones, ``lazy`` makes lazy
-  arrays, ``crop`` takes some rows and columns, and ``preview`` shows them;
+  arrays, ``crop`` takes some rows and columns by their ``slices``, and ``preview`` shows them;
 * ``merged``: counts whose pixels have different numbers of trials;
 * ``channels`` and ``pixel_counts``: the channels of color data, and the counts of their pixels,
   whose trials may be stated (``stated_trials``). ``data_lists`` and ``stacks`` serve several

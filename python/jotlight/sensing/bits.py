@@ -21,11 +21,11 @@ from jotlight.sensing.frames import (
     check_unpacked_size,
     frame_index,
     read_in_chunks,
-    refuse_no_frames,
 )
 from jotlight.sensing.lazy import Chunks
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
+from jotlight.sensing.slices import refuse_no_frames
 
 if TYPE_CHECKING:
     import dask.array

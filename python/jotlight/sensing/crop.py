@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import shown
-from jotlight.sensing.frames import Frames, Packed, format_frame_range
+from jotlight.sensing.frames import Frames, Packed
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
+from jotlight.sensing.slices import chosen_range, format_frame_range
 
 _REGION_NOTE = re.compile(
     r"rows (\d{1,9}):(\d{1,9}) and columns (\d{1,9}):(\d{1,9}) of (\d{1,9}) x (\d{1,9})", re.ASCII
@@ -50,8 +51,8 @@ class Region:
         Raises
         ------
         TypeError, ValueError
-            For anything but slices, and for rows or columns that are not consecutive, are none, or
-            divide pixels.
+            For anything but slices of whole numbers, and for rows or columns that are not
+            consecutive, are none, or divide pixels.
 
         Examples
         --------
@@ -136,7 +137,7 @@ class Region:
 
 def _jots(name: str, title: str, part: slice, length: int, side: int) -> range:
     """Return some of the rows or columns, which are whole pixels of `side` jots."""
-    found, text = range(length)[part], format_frame_range(part)
+    found, text = chosen_range(name, title, part, length), format_frame_range(part)
     if found.step != 1:
         raise ValueError(f"{name}: expected consecutive {title}, such as 10:40, got {text}")
     if len(found) == 0:

@@ -23,18 +23,6 @@ _MAX_BYTES = 1 << 23
 """Maximum number of bytes that are read at a time, unless one frame has more."""
 
 
-def format_frame_range(frames: slice) -> str:
-    """Return a slice of frames in the notation of `--frame-range`.
-
-    Examples
-    --------
-    >>> format_frame_range(slice(100, 200)), format_frame_range(slice(None, 16, 2))
-    ('100:200', ':16:2')
-    """
-    ends = [frames.start, frames.stop, *([] if frames.step is None else [frames.step])]
-    return ":".join("" if end is None else str(end) for end in ends)
-
-
 class Frames:
     """A stack of frames in files, which is indexed like an array and read part by part.
 
@@ -261,17 +249,6 @@ def frame_index(name: str, index: object, number: int) -> int:
     if not -number <= index < number:
         raise IndexError(f"{name}: expected a frame from 0 to {number - 1}, got {index}")
     return int(index) % number
-
-
-def refuse_no_frames(name: str, frames: slice, number: int) -> None:
-    """Raise ValueError when a slice selects none of a number of frames.
-
-    Examples
-    --------
-    >>> refuse_no_frames("bits", slice(2, 4), 8)
-    """
-    if len(range(number)[frames]) == 0:
-        raise ValueError(f"{name}: no frames in {format_frame_range(frames)} of {number}")
 
 
 def read_frames(frames: npt.NDArray[Any] | Frames, start: int, stop: int) -> npt.NDArray[Any]:

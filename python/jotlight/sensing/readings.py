@@ -14,9 +14,10 @@ from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits, refuse_many_channels
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.crop import OneFrame, Region, crop_frames, note_part, split_index
-from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
+from jotlight.sensing.frames import Frames, frame_index, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
+from jotlight.sensing.slices import refuse_no_frames
 
 _SHOWN = 64
 """Number of frames of which a preview shows the mean."""

@@ -1,0 +1,56 @@
+"""Slices of frames, rows, and columns: their text, and what they select."""
+
+from jotlight.checks import shown
+
+
+def format_frame_range(frames: slice) -> str:
+    """Return a slice of frames in the notation of `--frame-range`.
+
+    Examples
+    --------
+    >>> format_frame_range(slice(100, 200)), format_frame_range(slice(None, 16, 2))
+    ('100:200', ':16:2')
+    """
+    ends = [frames.start, frames.stop, *([] if frames.step is None else [frames.step])]
+    return ":".join("" if end is None else str(end) for end in ends)
+
+
+def chosen_range(name: str, title: str, part: slice, number: int) -> range:
+    """Return the frames, rows, or columns of a slice. Messages call them `title`.
+
+    Raises
+    ------
+    TypeError
+        When an end or the step is not a whole number.
+    ValueError
+        When the step is 0.
+
+    Examples
+    --------
+    >>> chosen_range("bits", "rows", slice(-4, None), 9)
+    range(5, 9)
+    """
+    try:
+        return range(number)[part]
+    except TypeError:
+        ends = (part.start, part.stop, *([] if part.step is None else [part.step]))
+        text = ":".join("" if end is None else shown(end) for end in ends)
+        raise TypeError(
+            f"{name}: expected whole numbers in the slice of {title}, such as 10:40, got {text}"
+        ) from None
+    except ValueError:
+        raise ValueError(
+            f"{name}: expected a slice of {title} with a step other than 0, got "
+            f"{format_frame_range(part)}"
+        ) from None
+
+
+def refuse_no_frames(name: str, frames: slice, number: int) -> None:
+    """Raise ValueError when a slice selects none of a number of frames, or is no valid slice.
+
+    Examples
+    --------
+    >>> refuse_no_frames("bits", slice(2, 4), 8)
+    """
+    if len(chosen_range(name, "frames", frames, number)) == 0:
+        raise ValueError(f"{name}: no frames in {format_frame_range(frames)} of {number}")
