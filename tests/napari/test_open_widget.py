@@ -75,7 +75,7 @@ def test_errors_are_shown(widget, click, tmp_path):
     (tmp_path / "a.txt").write_text("text")
     widget.file.value = tmp_path / "a.txt"
     press_open(widget, click)
-    assert "does not identify its format" in widget.message.value
+    assert "expected a capture, got a .txt, which holds text" in widget.message.value
     assert widget.open.enabled
 
 
