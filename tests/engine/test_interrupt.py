@@ -28,7 +28,7 @@ import jotlight as jl
 
 counts = np.full((4000, 4000), 50, np.int32)
 maps = jl.Sensor(frames=100, threshold=50, dark_counts=np.tile(np.float32([0, 1]), (4000, 2000)))
-smooth = jl.Bits(np.broadcast_to(np.uint8(85), (9, 4000, 500)))
+smooth = jl.Bits(np.broadcast_to(np.uint8(85), (9, 4000, 500)), 4000)
 small = jl.Bits(np.random.default_rng(0).integers(0, 256, (64, 128, 16), np.uint8))
 still = jl.align(small, model="none")
 inbox, outbox = os.pipe()
@@ -71,7 +71,7 @@ CALLS = {
     "counts, oversampled": ("jl.Bits(np.broadcast_to(np.uint8(1), (10**6, 4096, 512))).counts(4)"),
     "mle": "jl.mle(counts, maps)",
     "mle of jots": (
-        "[jl.mle(jl.Bits(np.broadcast_to(np.uint8(85), (100, 4000, 500))), jl.Sensor("
+        "[jl.mle(jl.Bits(np.broadcast_to(np.uint8(85), (100, 4000, 500)), 4000), jl.Sensor("
         "oversampling=4, frames=100, "
         "dark_counts=np.tile(np.float32([0, 1]), (4000, 2000)))) for _ in range(99)]"
     ),
@@ -108,7 +108,7 @@ CALLS = {
     ),
     "network, untied": (
         "jl.Network.initial(jl.Sensor(oversampling=4), taps=201, tied=False).reconstruct("
-        "jl.Bits(np.broadcast_to(np.uint8(85), (1, 16000, 2000))))"
+        "jl.Bits(np.broadcast_to(np.uint8(85), (1, 16000, 2000)), 16000))"
     ),
     "align": (
         "jl.align(jl.Bits(np.random.default_rng(0).integers(0, 256, (200, 2000, 250), np.uint8)))"
