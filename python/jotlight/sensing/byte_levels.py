@@ -8,6 +8,9 @@ from jotlight.sensing.frames import Frames
 _INSPECTED_BYTES = 1 << 20
 """Number of bytes that are read at each of three positions."""
 
+_FEW_ROWS = 8
+"""Number of rows that usually show that an array holds packed bits."""
+
 _MIN_NONZERO = 8
 """Minimum number of bytes above 0 at which frames can be recognized as unpacked."""
 
@@ -68,6 +71,9 @@ def refuse_numbers(packed: npt.NDArray[np.uint8]) -> None:
       ...
     ValueError: packed: expected eight bits to a byte, but the inspected bytes are only 0 and 1, ...
     """
+    few = packed[0, :_FEW_ROWS]
+    if few.max() >= _HIGHEST_BIT and not np.isin(few, (0, *WHITE)).all():
+        return  # most packed bits are recognized here, in microseconds
     highest = largest_number(packed)
     if highest is None:
         return
