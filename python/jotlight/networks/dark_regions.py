@@ -7,9 +7,9 @@ the probability p of a one becomes::
 
     p (1 + m (r - 1)),    r = (1/2 + sum of g m N) / (1/2 + sum of g m K p),
 
-where m = 1 / (1 + (p / p0)²) selects dark pixels, g are the weights of a Gaussian window as high
-as 2, which sum to 4 π σ² pixels, and N is the number of ones of K bits. Where the sum of K p is far
-below 1/2, nothing changes.
+where m = 1 / (1 + (p / p0)²) selects dark pixels, and N is the number of ones of K bits. The
+weights g of a Gaussian window sum to 4 π σ² pixels. Where the sum of K p is far below 1/2, nothing
+changes.
 
 Where p is even smaller, its differences between pixels are those of the filters of the network,
 and not of the scene. There, it first becomes its own mean in the window.

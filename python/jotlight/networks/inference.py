@@ -106,7 +106,7 @@ class Inference:
             images, sensor = merge_different_jots(self.images, self.sensor, self.threads)
             alike = dataclasses.replace(self, images=images, sensor=sensor)
             alike._run_tied()
-            alike._improve_dim()
+            alike._improve_dark()
             alike._improve_coarse()
         return self.output.images
 
@@ -182,7 +182,7 @@ class Inference:
                 self.threads,
             )
 
-    def _improve_dim(self) -> None:
+    def _improve_dark(self) -> None:
         """Replace the intensities of dim scenes by those of combined trials.
 
         In other scenes, correct those of dark regions.
