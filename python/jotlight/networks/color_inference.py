@@ -1,12 +1,18 @@
 """Colors by a network: classical colors, improved with the bits of all filters or channels."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
+from jotlight.estimators.trial_levels import (
+    LocalTrials,
+    fill_from_nearest,
+    local_trials,
+    share_levels,
+)
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.color_planes import Filtered, color_planes
 from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
@@ -33,24 +39,40 @@ _TRUST_SIGMA = 2.0
 """Standard deviation of the filter of this light, in pixels."""
 
 
+_Planes = Callable[[float], Image]
+"""A function of a number of trials, which returns what a network for them reads, (11, H, W)."""
+
+
 def planes_of_mosaic(
     gray: Network, counted: PixelCounts, mosaic: Mosaic, threads: int | None
 ) -> Image:
     """Return what a color network reads of the image of a mosaic, (11, H, W).
 
-    The parameters are those of :func:`estimate_mosaic`.
+    The parameters are those of :func:`estimate_mosaic`. The network is one for the largest number
+    of trials.
     """
-    return _read_mosaic(gray, counted, mosaic, threads)[1]
+    return _read_mosaic(gray, counted, mosaic, threads)[1](float(np.max(counted.trials)))
 
 
 def _read_mosaic(
     gray: Network, counted: PixelCounts, mosaic: Mosaic, threads: int | None
-) -> tuple[Array, Image]:
+) -> tuple[Array, _Planes]:
     """Return the classical colors of a mosaic, (3, H, W), and the planes."""
-    seen = _seen_through(mosaic, counted, threads)
     brighter = dataclasses.replace(counted, sensor=_with_range(counted.sensor))
     start = start_of_mosaic(gray, brighter, mosaic, threads)
-    return start, color_planes(seen, start, response_of(brighter.sensor))
+    response = response_of(brighter.sensor)
+    places = mosaic.full(*counted.counts.shape)
+    fraction = equivalent_fractions(counted, threads, places)
+
+    def planes(trials: float) -> Image:
+        weight = _weights(counted, trials)
+        seen = [
+            Filtered(transmission, fraction, weight * (places == index))
+            for index, transmission in enumerate(mosaic.transmission)
+        ]
+        return color_planes(seen, start, response)
+
+    return start, planes
 
 
 def planes_of_channels(
@@ -58,16 +80,25 @@ def planes_of_channels(
 ) -> Image:
     """Return what a color network reads of an image with three counts per pixel, (11, H, W).
 
-    The parameters are those of :func:`estimate_channels`.
+    The parameters are those of :func:`estimate_channels`. The network is one for the largest number
+    of trials.
     """
-    seen = [
-        Filtered(share, equivalent_fractions(counted, threads), _weights(counted))
-        for share, counted in zip(np.eye(3), channels, strict=True)
-    ]
+    most = max(float(np.max(counted.trials)) for counted in channels)
+    return _read_channels(gray, channels, threads)(most)
+
+
+def _read_channels(gray: Network, channels: Sequence[PixelCounts], threads: int | None) -> _Planes:
+    """Return the planes of an image with three counts per pixel."""
+    fractions = [equivalent_fractions(counted, threads) for counted in channels]
+
+    def filtered(trials: float) -> list[Filtered]:
+        parts = zip(np.eye(3), fractions, channels, strict=True)
+        return [Filtered(share, part, _weights(each, trials)) for share, part, each in parts]
+
     sensor = channels[0].sensor
-    response, sensor = response_of(sensor), _with_range(sensor)
-    start = start_of_channels(gray, channels, seen, sensor, response, threads)
-    return color_planes(seen, start, response)
+    response, brighter = response_of(sensor), _with_range(sensor)
+    start = start_of_channels(gray, channels, filtered(1.0), brighter, response, threads)
+    return lambda trials: color_planes(filtered(trials), start, response)
 
 
 def estimate_mosaic(
@@ -94,7 +125,7 @@ def estimate_mosaic(
     """
     sensor = counted.sensor
     start, planes = _read_mosaic(gray, counted, mosaic, threads)
-    found = network.estimate_probability(planes, _usual_trials(counted), threads=threads)
+    found = _run(network, planes, _local_trials([counted], threads), threads)
     colors = intensity_from_probability(found, sensor, threads)
     trust = _trust(start, sensor, mosaic)
     if (trust < 1).any():
@@ -135,9 +166,8 @@ def estimate_channels(
     threads : int, optional
         Number of threads. Default: all.
     """
-    planes = planes_of_channels(gray, channels, threads)
-    trials = float(np.median([_usual_trials(counted) for counted in channels]))
-    found = network.estimate_probability(planes, trials, threads=threads)
+    planes = _read_channels(gray, channels, threads)
+    found = _run(network, planes, _local_trials(channels, threads), threads)
     return intensity_from_probability(found, channels[0].sensor, threads)
 
 
@@ -146,24 +176,41 @@ def _with_range(sensor: Sensor) -> Sensor:
     return sensor.replace(max_intensity=max(sensor.max_intensity, MIN_LARGEST))
 
 
-def _seen_through(mosaic: Mosaic, counted: PixelCounts, threads: int | None) -> list[Filtered]:
-    """Return what the pixels behind each filter of a mosaic saw."""
-    places, weight = mosaic.full(*counted.counts.shape), _weights(counted)
-    fraction = equivalent_fractions(counted, threads, places)
-    return [
-        Filtered(transmission, fraction, weight * (places == index))
-        for index, transmission in enumerate(mosaic.transmission)
-    ]
+def _run(network: ColorNetwork, planes: _Planes, trials: LocalTrials, threads: int | None) -> Image:
+    """Return P(b = 1) of each color, (3, H, W).
+
+    A network is for one number of trials, so it runs at some levels of their map.
+    """
+    if isinstance(trials, int):
+        return network.estimate_probability(planes(trials), trials, threads=threads)
+    # Above its range, the network has the same parameters at all levels.
+    trials = np.minimum(trials, np.float32(network.trials_range[1]))
+    found = np.zeros((3, *trials.shape), np.float32)
+    for level, [(_, weights)] in share_levels([trials]):
+        part = network.estimate_probability(planes(level), level, threads=threads)
+        found += part if weights is None else weights * part
+    return found
 
 
-def _weights(counted: PixelCounts) -> Array:
-    """Return the number of trials of each pixel, relative to the usual one, at most 1, (H, W)."""
-    weights = np.minimum(np.asarray(counted.trials) / _usual_trials(counted), 1)
+def _weights(counted: PixelCounts, trials: float) -> Array:
+    """Return the trials of each pixel, relative to those of the network, at most 1, (H, W)."""
+    weights = np.minimum(np.asarray(counted.trials) / trials, 1)
     return np.broadcast_to(weights, counted.counts.shape)
 
 
-def _usual_trials(counted: PixelCounts) -> float:
-    """Return the median of the trials behind the pixels that say something; 1 if none does."""
-    trials = np.broadcast_to(counted.trials, counted.counts.shape)
-    known = trials[trials > MAX_SILENT_TRIALS]
-    return float(np.median(known)) if len(known) else 1.0
+def _local_trials(channels: Sequence[PixelCounts], threads: int | None) -> LocalTrials:
+    """Return the local trials of counts of the same pixels: a number from 1, or a map (H, W).
+
+    Those of several channels are their harmonic mean, because the noise of a fraction of ones is
+    inversely proportional to its trials. Pixels that say nothing have those of the nearest other.
+    """
+    inverse: list[Array] = []
+    for counted in channels:
+        trials = np.broadcast_to(counted.trials, counted.counts.shape).astype(np.float64)
+        known = trials > MAX_SILENT_TRIALS
+        if known.any():
+            filled = fill_from_nearest(trials, known)
+            inverse.append(np.asarray(1 / np.maximum(filled, 1), np.float64))
+    if not inverse:
+        return 1
+    return local_trials(len(inverse) / np.stack(inverse).sum(axis=0), threads)

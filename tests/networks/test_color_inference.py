@@ -1,0 +1,89 @@
+"""Tests of jotlight.networks.color_inference."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.metrics import psnr
+from jotlight.networks import color_inference
+from jotlight.networks.color_inference import _local_trials, _run, _weights
+from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.sensor import Sensor
+
+
+def _counted(trials: Any, shape: tuple[int, int] = (8, 40)) -> PixelCounts:
+    return PixelCounts(Sensor(), np.zeros(shape, np.int32), trials, 1.0, 0.0, False)
+
+
+class _States:
+    """A network that returns its number of trials, and keeps it."""
+
+    trials_range = 1, 64
+
+    def __init__(self) -> None:
+        self.levels: list[float] = []
+
+    def estimate_probability(self, planes: Any, trials: float, *, threads: int | None) -> Any:
+        assert planes == trials  # planes are those of the same level
+        self.levels.append(trials)
+        return np.full((3, 8, 40), trials, np.float32)
+
+
+def test_a_number_of_trials_is_one_level():
+    network: Any = _States()
+    planes: Any = float
+    _run(network, planes, 16, None)
+    assert network.levels == [16]
+
+
+def test_the_network_runs_at_levels_that_fit_the_trials_of_each_pixel():
+    network: Any = _States()
+    trials = np.where(np.arange(40) < 20, 8, 32) * np.ones((8, 1), np.float32)
+    planes: Any = float
+    found = _run(network, planes, trials, None)
+    assert min(network.levels) == 8
+    assert max(network.levels) == 32
+    np.testing.assert_array_equal(found[:, :, :20], 8)
+    np.testing.assert_array_equal(found[:, :, 20:], 32)
+
+
+def test_all_trials_beyond_the_range_of_the_network_are_one_level():
+    network: Any = _States()
+    planes: Any = float
+    _run(network, planes, np.linspace(64, 5000, 320, dtype=np.float32).reshape(8, 40), None)
+    assert network.levels == [64]
+
+
+def test_the_local_trials_of_channels_are_their_harmonic_mean():
+    assert _local_trials([_counted(16), _counted(16), _counted(16)], None) == 16
+    assert _local_trials([_counted(4), _counted(8), _counted(8)], None) == 6
+
+
+def test_channels_that_say_nothing_do_not_count():
+    assert _local_trials([_counted(np.zeros((8, 40))), _counted(8), _counted(8)], None) == 8
+    assert _local_trials([_counted(np.zeros((8, 40)))] * 3, None) == 1
+
+
+def test_weights_are_those_of_pixels_with_fewer_trials_than_the_network_expects():
+    counted = _counted(np.array([[0.0, 4.0, 8.0, 16.0]]), (1, 4))
+    assert _weights(counted, 8).tolist() == [[0, 0.5, 1, 1]]
+
+
+@pytest.mark.slow
+def test_levels_improve_a_bracket_behind_a_mosaic(monkeypatch):
+    # Bright pixels of a bracket have fewer equivalent trials than dark ones. With one number of
+    # trials, colors behind CMYG had dark cracks.
+    from skimage.data import astronaut
+
+    image = (astronaut()[:96, 170:266] / 255.0) ** 2.2
+    gain = np.repeat([4.0, 1.0, 0.25], 16)
+    bits = Sensor(frames=48, gain=gain, mosaic="CMYG").expose(image, rng=1)
+    with_levels = psnr(jl.reconstruct(bits), image, data_range=1.0)
+
+    def median(channels: Any, threads: Any) -> int:
+        return round(float(np.median([each.trials for each in channels])))
+
+    monkeypatch.setattr(color_inference, "_local_trials", median)
+    assert with_levels > psnr(jl.reconstruct(bits), image, data_range=1.0) + 0.2
