@@ -30,7 +30,7 @@ REPLACED = {
     r"\b(bend|bends|bent)\b": "activate, spline",
     r"goes_on(?![a-z])": "ConvergenceMonitor.update",
     r"\b(most|least)_\w+": "max_…, min_…",
-    r"\b(MOST|LEAST)_\w+": "MAX_…, MIN_…",
+    r"(?<![A-Za-z])(MOST_\w+|LEAST_\w+|_MOST\b|_LEAST\b)": "MAX_…, MIN_…",
     r"\bstep_of\b": "size_divisor",
     r"\bwork_of\b": "flops_per_pixel",
     r"\bshares_of\b": "conditioning_weights",

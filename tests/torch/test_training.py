@@ -7,7 +7,7 @@ import jotlight as jl
 
 torch = pytest.importorskip("torch")
 from jotlight.tensors import read_tensors  # noqa: E402
-from jotlight.torch import Network, fastest_precision, train  # noqa: E402
+from jotlight.torch import Network, fastest_precision, train, trainer  # noqa: E402
 from jotlight.torch.muon import MIN_CHANNELS  # noqa: E402
 from jotlight.torch.trainer import flatten  # noqa: E402
 from jotlight.training import ColorPatches, parameter_vector  # noqa: E402
@@ -185,7 +185,19 @@ def test_bfloat16_is_refused_for_a_network_without_such_products(start):
 
 def test_a_run_stops_at_its_time_limit():
     _, history = train_small(steps=10**6, seconds=1e-9)
-    assert len(history.records) <= 2
+    assert len(history.records) == 2  # those of the start and of the result
+
+
+@pytest.mark.parametrize(("seconds", "steps"), [(2.5, 1), (3.5, 2)])
+def test_a_run_stops_before_the_step_that_would_exceed_its_time_limit(monkeypatch, seconds, steps):
+    clock = [0.0]
+    monkeypatch.setattr(trainer.time, "monotonic", lambda: clock[0])
+
+    def take_a_second(record):
+        clock[0] += 1
+
+    _, history = train_small(steps=10**6, seconds=seconds, callback=take_a_second)
+    assert len(history.records) == 1 + steps  # the first one is that of the start
 
 
 def test_a_pretrained_network_is_tested_with_the_sensor_that_it_was_requested_for():

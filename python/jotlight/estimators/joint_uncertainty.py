@@ -20,7 +20,7 @@ MAX_EXACT_TOTAL = {True: 256, False: 1024}
 _LENGTHS = np.array([16, 64, 256, 1024])
 """Maximum totals whose intervals are computed together."""
 
-_LEAST = 1e-300
+_MIN_PROBABILITY = 1e-300
 """Probability in place of 0, whose logarithm is finite."""
 
 _RANGE = 92.0
@@ -192,8 +192,8 @@ def _level_ends(
         rows, own = np.arange(len(level)), total[places]
         if is_low:  # the probability of this total or more is `tail`
             rest = 1 - cumulative[rows, np.maximum(own - 1, 0)]
-            return np.asarray(np.log(np.maximum(rest, _LEAST) / tail))
-        return np.asarray(-np.log(np.maximum(cumulative[rows, own], _LEAST) / tail))
+            return np.asarray(np.log(np.maximum(rest, _MIN_PROBABILITY) / tail))
+        return np.asarray(-np.log(np.maximum(cumulative[rows, own], _MIN_PROBABILITY) / tail))
 
     number = len(total)
     low, _ = find_zeros(functools.partial(excess, is_low=True), number, max_level)

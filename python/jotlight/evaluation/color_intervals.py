@@ -53,7 +53,7 @@ from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
-_LEAST_SHARE = 0.03
+_MIN_SHARE = 0.03
 """Smallest fraction of the pixels that count for a color."""
 
 _NEIGHBORHOOD = 1.0
@@ -106,7 +106,7 @@ class MosaicPixels:
         """
         shares = self.shares.reshape(3, -1)
         normal = shares @ shares.T / shares.shape[1]
-        return np.maximum(1 / np.maximum(np.diag(np.linalg.pinv(normal)), 1e-9), _LEAST_SHARE)
+        return np.maximum(1 / np.maximum(np.diag(np.linalg.pinv(normal)), 1e-9), _MIN_SHARE)
 
     def colors_of(self, color: int) -> Pixels:
         """Return the pixels of a gray image with as many trials as those of a color."""
@@ -205,7 +205,7 @@ class MosaicPixels:
         A clear pixel shows the sum of the colors, whose error is smaller than those of the colors.
         """
         one = self.shares.max(axis=0) > self.shares.sum(axis=0) / 2
-        return one if one.mean() >= _LEAST_SHARE else np.ones_like(one)
+        return one if one.mean() >= _MIN_SHARE else np.ones_like(one)
 
     def _rate(self, colors: Image) -> Array:
         """Return the mean number of photons of a jot behind each pixel's filter."""

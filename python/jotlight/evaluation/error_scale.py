@@ -47,7 +47,7 @@ _SMALLEST = 1e-2
 """Variance times K below which a window counts as flat."""
 
 
-_LEAST_RATIO = 1e-6
+_MIN_RATIO = 1e-6
 """Smallest ratio of two probabilities of a bit, so that one bit cannot decide."""
 
 _NEIGHBORHOOD = 6.0
@@ -247,7 +247,7 @@ class HalfErrors:
         # Half a count keeps the fraction away from 0 and 1.
         fraction = (trained.ones + 0.5) / (trained.trials + 1)
         of_one, of_zero = (
-            np.log(np.maximum(ratio, _LEAST_RATIO))
+            np.log(np.maximum(ratio, _MIN_RATIO))
             for ratio in (np.sin(z) ** 2 / fraction, np.cos(z) ** 2 / (1 - fraction))
         )
         gain = held_out.ones * of_one + (number - held_out.ones) * of_zero

@@ -33,10 +33,10 @@ from jotlight.sensing.response import (
 )
 from jotlight.sensing.sensor import Sensor
 
-_LEAST_TRIALS = 0.5
+_MIN_TRIALS = 0.5
 """Smallest number of trials for which a scale is computed."""
 
-_LEAST_LIGHT = 1e-4
+_MIN_LIGHT = 1e-4
 """Smallest intensity at which jots are compared, as a fraction of the largest one, or of ten times
 the mean estimate if that is smaller."""
 
@@ -225,10 +225,10 @@ class Pixels:
         """
         equivalent = trials * np.square(slope)
         if np.ptp(equivalent) == 0:
-            return np.maximum(equivalent, _LEAST_TRIALS)
+            return np.maximum(equivalent, _MIN_TRIALS)
         counted = PixelCounts(self.sensor, self.ones[None], equivalent[None], 1.0, 0.0, False)
         (local,) = count_local_trials(counted, self.threads)
-        return np.maximum(np.broadcast_to(np.float64(local), trials.shape), _LEAST_TRIALS)
+        return np.maximum(np.broadcast_to(np.float64(local), trials.shape), _MIN_TRIALS)
 
     def relative_slope(self, estimate: Estimate) -> float | Array:
         """Return the derivative of z at a pixel's own jot with respect to z at the typical jot.
@@ -240,7 +240,7 @@ class Pixels:
             return 1.0
         light, largest = estimate.astype(np.float64), self.sensor.max_intensity
         largest = min(largest, 10 * float(light.mean())) or largest
-        light = np.maximum(light, _LEAST_LIGHT * largest)
+        light = np.maximum(light, _MIN_LIGHT * largest)
         own, typical = (
             slope_of(light, self.sensor, *jot)
             for jot in ((self.efficiency, self.dark_counts), self.typical_jot)

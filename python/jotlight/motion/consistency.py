@@ -26,7 +26,7 @@ Pixels of one side of a ring are accepted up to the second value.
 _LIMITS_IF_STILL = 4.5, 1.6
 """The same for a scene that stands still, where no motion can be wrong.
 
-Dim scenes exceed 3.5 by chance in some pixels of most images.
+With a limit of 3.5, some pixels of most dim images would exceed it by chance.
 """
 
 RINGS = 2, 2
@@ -217,7 +217,7 @@ def _find_lights(
 ) -> Lights:
     """Find the light of the blocks of a ring, and return that of the template of nearer ones.
 
-    The light of the nearer ones is found in some rounds.
+    The light of the nearer ones is found anew in each round.
     """
     # A template of more blocks also shows the light of the nearer ones better.
     for blocks in [*[nearer] * rounds, ring]:

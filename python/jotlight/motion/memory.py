@@ -43,8 +43,7 @@ _LITTLE = np.float32(0.1)
 """Number of trials up to which a pixel has none."""
 
 _RENUMBERED = 2
-"""The segments have other numbers than before if these agree at more than this many times as many
-pixels."""
+"""Segments are renumbered if other numbers agree at more than this many times as many pixels."""
 
 _MAX_CHANGE = 0.03
 """Largest relative change of the mean number of ones. If a scene becomes brighter or darker, the

@@ -43,13 +43,15 @@ _MIN_LARGE = 0.05
 """Fraction of the pixels above which a segment is large. The outlines of small ones are clear."""
 
 _EXPLAINED = 0.8
-"""A track explains a segment if it has this fraction of the energy of the segment's velocity."""
+"""A track explains a segment if the energy along the track is at least this fraction of the energy
+at the velocity of the segment."""
 
 _MIN_FRACTION = 0.5
 """Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
 
 _CLEAR = 10.0
-"""With more than this multiple of this gain under blurred templates, a motion is clearly right."""
+"""A motion is clearly right if its gain with blurred templates exceeds this multiple of the gain
+that it needs."""
 
 _OBJECTS_UNKNOWN = 0.002, 0.15
 """Fractions of pixels with unknown motion between which further objects are searched.
@@ -64,8 +66,8 @@ _UNCLEAR = 0.04
 """Fraction of pixels with unknown motion from which on parts may be wrong."""
 
 _MUST_EXPLAIN = (1, 0.3), (MAX_OBJECTS - 1, 0.5)
-"""Numbers of objects that are added then, and which fraction of the unknown pixels all objects so
-far must explain."""
+"""Pairs: how many objects are added then, and which fraction of the unknown pixels all objects must
+explain afterward."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -75,7 +75,7 @@ _MIN_FRAMES = 4
 """Minimum number of frames before or after the reference time that are compared."""
 
 _ENOUGH = 4
-"""Number of times as many frames as show the motion of a region well from which it is refined."""
+"""A motion is refined from at most this many times the frames that show the region well."""
 
 _LIGHT = 32.0
 """Number of ones per pixel that suffice. Of more frames, every second, third, or nth is counted."""

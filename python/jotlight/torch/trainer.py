@@ -111,16 +111,19 @@ class Trainer:
             Function that gets the :class:`Record` of each step, in the main process, and returns
             whether the run goes on.
         seconds : float, optional
-            Time limit. Default: none.
+            Time limit. The run stops before the step that would exceed it, but takes one step.
+            Default: none.
         """
         # The first checkpoint shows a full disk before hours of work.
-        begun, saved = time.monotonic(), -math.inf
+        begun, saved, longest = time.monotonic(), -math.inf, 0.0
+        limit = math.inf if seconds is None else seconds
         path = checkpoint if self.group.is_main else None
         is_stopped = False
         try:
             while len(self.history) < steps:
                 now = time.monotonic()
-                is_late = seconds is not None and now - begun > seconds
+                # Reserve time for the next step and for the measurement of its result.
+                is_late = longest > 0 and now - begun + 2 * longest > limit
                 if self._is_over(is_late or is_stopped):
                     break
                 record = self.step(len(self.history), steps)
@@ -129,6 +132,7 @@ class Trainer:
                     saved = now
                 if self.group.is_main:
                     is_stopped = not report(record)
+                longest = max(longest, time.monotonic() - now)
         finally:
             # Also after Ctrl-C or an error.
             if path is not None:

@@ -94,8 +94,8 @@ def train(
     steps : int, optional
         Number of steps. Default: 20,000.
     seconds : float, optional
-        Time limit, after which the run stops even if the learning rate has not fallen to 0.
-        Default: no limit.
+        Time limit. The run stops before the step that would exceed it, but takes one step. The
+        learning rate has then not fallen to 0. Default: no limit.
     batch : int, optional
         Number of patches per step. Default: 16.
     patch : int, optional
