@@ -84,3 +84,23 @@ def test_a_mosaic_that_contradicts_the_calibration_is_used_and_reported(
     else:
         assert expected in " ".join(printed.split())
     assert applied["mosaic"] == (expected is None)
+
+
+@pytest.mark.filterwarnings("ignore::jotlight.errors.PeriodicRatesWarning")
+def test_the_mosaic_of_a_calibration_can_be_removed(run, calibrated):
+    status, printed = reconstruct(run, "--mosaic", "none")
+    assert status == 0, printed
+    record = json.loads(Path("x.tif.json").read_text())
+    assert record["calibration"]["applied"]["mosaic"] is False
+    assert "mosaic" not in record["sensor"]
+    assert jl.read_image("x.tif").shape == SHAPE
+
+
+@pytest.mark.filterwarnings("ignore::jotlight.errors.PeriodicRatesWarning")
+def test_the_mosaic_of_a_capture_can_be_removed(run):
+    sensor = jl.Sensor(frames=400, mosaic="RGGB")
+    bits = jl.open("flat.npy")
+    jl.save(jl.Bits(np.asarray(bits.packed), SHAPE[1], sensor), "colors.npy")
+    assert run("reconstruct", "colors.npy", "-o", "y.tif", "-m", "mle", "--mosaic", "none")[0] == 0
+    gray = jl.mle(bits, sensor.replace(mosaic=None))
+    np.testing.assert_allclose(jl.read_image("y.tif"), gray)

@@ -21,6 +21,9 @@ _NoOption = Annotated[None, Parameter(parse=False)]
 _MAPS = "dark_counts", "efficiency", "mask"
 """Options that take files of maps."""
 
+_NO_MOSAIC = "none"
+"""The value of --mosaic that removes the mosaic of a capture or a calibration."""
+
 
 @Parameter(name="*", group=KNOWN_SENSOR_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -113,7 +116,7 @@ class SensorOptions:
             converter=convert_file,
             help="Color filters of the pixels, from the top left: letters such as RGGB, with / "
             "between rows of more than 2 x 2; or a .json with pattern, filters, transmission, and "
-            "white_balance. Default: gray.",
+            "white_balance; or none. Default: that of the capture or the calibration, else none.",
         ),
     ] = None
 
@@ -133,7 +136,8 @@ class SensorOptions:
             if name in kwargs:
                 kwargs[name] = values_of_frames(name, kwargs[name], kind, frames)
         if "mosaic" in kwargs:
-            kwargs["mosaic"] = read_mosaic(str(kwargs["mosaic"]))
+            mosaic = str(kwargs["mosaic"])
+            kwargs["mosaic"] = None if mosaic == _NO_MOSAIC else read_mosaic(mosaic)
         if "mask" in kwargs:
             kwargs["mask"] = read_mask(Path(kwargs["mask"]))
         return kwargs
