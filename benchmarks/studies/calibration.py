@@ -21,6 +21,7 @@ from skimage.restoration import inpaint_biharmonic
 import jotlight as jl
 from jotlight.calibration.flat import shrink_response
 from jotlight.calibration.jot_counts import JotCounts
+from jotlight.calibration.outliers import find_outliers
 from jotlight.datasets.scenes import PHOTOGRAPHS
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.evaluation.methods import METHODS
@@ -132,8 +133,13 @@ def outliers() -> None:
                 compared = slice(outliers)
                 truth[compared] = outlier
             ones = rng.binomial(frames, -np.expm1(-light * truth)).astype(np.int32)
-            measured = JotCounts(ones, frames, 1).detections() / light
-            shrunk = [shrink_response(measured, noise, 0.05**2, limit) for limit in limits]
+            counted = JotCounts(ones, frames, 1)
+            measured = counted.detections() / light
+            dark, lights = np.zeros(jots), np.full(jots, light)
+            shrunk = []
+            for limit in limits:
+                found = find_outliers(counted, dark, lights, measured, noise, 0.05, limit)
+                shrunk.append(shrink_response(measured, noise, 0.05**2, found))
             errors = [np.sqrt(np.mean((each - truth)[compared] ** 2)) for each in shrunk]
             name = "1 ± 0.05" if outlier == 1 else outlier
             row(frames, name, *(f"{error:.3f}" for error in errors))

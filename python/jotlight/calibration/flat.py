@@ -10,15 +10,10 @@ from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
 from jotlight.calibration.evenness import warn_about_light
 from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.calibration.light import excess_and_slope, mean_light, median_light, window_mean
+from jotlight.calibration.outliers import OUTLIER, find_outliers
 from jotlight.calibration.prnu import measure_prnu
 from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.response import detection_density
-
-OUTLIER = 4.0
-"""A response at least this many standard deviations from 1 is an outlier: it is not shrunk.
-
-`docs/results/calibration.md` has the measurement behind this number.
-"""
 
 _MIN_LIGHT = 0.1
 """Minimum light of a flat capture, in standard deviations of the measurement of one jot."""
@@ -113,9 +108,12 @@ def measure_response(
     )
     prnu, error = measure_prnu(found, noise, used, dark_counts, flat.threshold)
     relative = np.ones(light.shape)
-    relative[good] = shrink_response((light / found.light)[good], counting[good], prnu**2)
+    measured, noise = (light / found.light)[good], counting[good]
+    counted = dataclasses.replace(flat, ones=flat.ones[good])
+    outliers = find_outliers(counted, dark_counts[good], found.light[good], measured, noise, prnu)
+    relative[good] = shrink_response(measured, noise, prnu**2, outliers)
     relative = np.clip(relative, MIN_RESPONSE, 1 / MIN_RESPONSE)
-    return Response(relative, dead, prnu, error, float(np.sqrt(counting[good].mean())))
+    return Response(relative, dead, prnu, error, float(np.sqrt(noise.mean())))
 
 
 def _check_ones(full: npt.NDArray[np.bool_], frames: int) -> None:
@@ -133,7 +131,7 @@ def _check_ones(full: npt.NDArray[np.bool_], frames: int) -> None:
 
 
 def shrink_response(
-    relative: Rates, noise: Rates, between: float, outlier: float = OUTLIER
+    relative: Rates, noise: Rates, between: float, outliers: npt.NDArray[np.bool_]
 ) -> Rates:
     """Return responses shrunk toward 1.
 
@@ -143,12 +141,10 @@ def shrink_response(
         The measured response of each jot, and the variance of its counting noise.
     between : float
         Variance of the true response over the jots.
-    outlier : float
-        A response more than this many standard deviations, including noise, from 1 is not shrunk.
+    outliers : ndarray of bool
+        The jots whose responses are not shrunk.
     """
-    weight = between / (between + noise)
-    weight[(relative - 1) ** 2 > outlier**2 * (between + noise)] = 1.0
-    return 1 + (relative - 1) * weight
+    return 1 + (relative - 1) * np.where(outliers, 1.0, between / (between + noise))
 
 
 def _ordinary(
