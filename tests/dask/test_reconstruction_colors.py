@@ -121,11 +121,11 @@ def test_threads_do_not_warn_about_pixels_behind_other_filters(options):
     assert warnings.filters == filters
 
 
-def test_colors_have_no_halo():
+def test_colors_are_estimated_as_a_whole():
     sensor = jl.Sensor(frames=16, mosaic="RGGB")
     for options in ({}, {"method": "mle"}, {"quality": "small"}):
-        assert choose_estimator(sensor, **options).halo is None
-    assert choose_estimator(jl.Sensor(frames=16), channels=3).halo is None
+        assert not choose_estimator(sensor, **options).is_pixelwise
+    assert not choose_estimator(jl.Sensor(frames=16), channels=3).is_pixelwise
 
 
 def test_weights_are_those_of_the_networks_that_run():

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.deconvolution import DECONVOLUTION_RADIUS
 from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
@@ -25,7 +24,6 @@ from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.weights import weights_sha256
 from jotlight.layout import Layout
-from jotlight.networks.graph import size_divisor
 from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, pretrained_conditional
@@ -66,21 +64,13 @@ class Estimator:
         return self.sensor.mosaic is not None or self.method == COLOR_NETWORK
 
     @property
-    def halo(self) -> int | None:
-        """Radius in pixels on which a pixel of the estimate depends. None: on the whole image."""
-        if self.sensor.maps() or self.fallback or self.is_color:
-            return None
-        network = self._network()
-        if network is not None:
-            radius = network.halo + (0 if self.sensor.kernel == "box" else DECONVOLUTION_RADIUS)
-            return -(-radius // self.grid) * self.grid
-        return 0 if self.method == "mle" else None
+    def is_pixelwise(self) -> bool:
+        """Whether a pixel of the estimate depends on its own count alone.
 
-    @property
-    def grid(self) -> int:
-        """Tiles and their halos begin at multiples of this number, where strides begin, too."""
-        network = self._network()
-        return 1 if network is None else size_divisor(network.layers)
+        Networks depend on more than the receptive fields of their filters: the mean and the
+        brightest pixels of an image decide how its dark regions are estimated.
+        """
+        return self.method == "mle" and not (self.sensor.maps() or self.is_color)
 
     def _network(self) -> Network | None:
         network = self.network
@@ -124,8 +114,7 @@ class Estimator:
     @property
     def has_table(self) -> bool:
         """Whether the estimate of a pixel depends on its count alone."""
-        is_closed_form = self.method == "mle" and not self.is_color
-        return is_closed_form and self.sensor.has_plain_bits and not self.sensor.maps()
+        return self.is_pixelwise and self.sensor.has_plain_bits
 
     def table(self) -> npt.NDArray[np.float32]:
         """Return the estimate for each count from 0 to K, if it depends on the count alone.

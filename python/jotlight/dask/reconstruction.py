@@ -19,10 +19,7 @@ _MAX_PIXELS = 1 << 22
 """Maximum number of pixels of an image that is not divided into tiles."""
 
 _TILE = 1024
-"""Maximum side of a tile in pixels, before it is rounded up.
-
-Tiles depend on the size of the image only, not on chunks.
-"""
+"""Maximum side of a tile in pixels."""
 
 
 def reconstruct(
@@ -82,9 +79,8 @@ def reconstruct(
     Notes
     -----
     The method gets the counts of each window. Images of more than 4 Mpixel are divided into tiles
-    of at most 1024 x 1024 pixels, with the halo of the method, if the sensor has no maps and no
-    mosaic, and the method is "mle" or a network other than the color network. The tiles do not
-    depend on the chunks, so neither does the result.
+    of at most 1024 x 1024 pixels if each pixel is estimated by itself: by "mle", for a sensor
+    without maps and mosaic. Other methods get the whole image.
 
     Examples
     --------
@@ -125,51 +121,18 @@ def reconstruct(
         is_fast=estimator.has_table,
     )
     sensor.check_map_shapes(*(size * sensor.oversampling for size in pieces.image_shape[:2]))
-    halo = estimator.halo
-    is_small = math.prod(pieces.image_shape[:2]) <= _MAX_PIXELS
-    is_whole = halo is None or is_small or halo > _TILE // 2
-    if is_whole and pieces.are_windows:
+    has_tiles = estimator.is_pixelwise and math.prod(pieces.image_shape[:2]) > _MAX_PIXELS
+    if not has_tiles and pieces.are_windows:
         return pieces.estimate(estimator)
     counts = sum_pieces(pieces)
     shape = estimator.estimate_shape(counts.shape)
-    meta = np.empty((0,) * len(shape), np.float32)
-    if halo is None or is_whole:
-        added = shape[counts.ndim :]  # the colors of a mosaic
-        return counts.map_blocks(
-            estimator,
-            dtype=np.float32,
-            chunks=(*counts.chunks, *((size,) for size in added)),
-            new_axis=list(range(counts.ndim, len(shape))),
-            meta=meta,
-        )
-    grid = estimator.grid
-    tiles = counts.rechunk({axis: tile_side(counts.shape[axis], halo, grid) for axis in (1, 2)})
-    return tiles.map_overlap(
+    if has_tiles:
+        counts = counts.rechunk({1: _TILE, 2: _TILE})
+    added = shape[counts.ndim :]  # the colors of a mosaic
+    return counts.map_blocks(
         estimator,
-        depth={1: halo, 2: halo},
-        boundary="none",
-        allow_rechunk=False,
         dtype=np.float32,
-        meta=meta,
+        chunks=(*counts.chunks, *((size,) for size in added)),
+        new_axis=list(range(counts.ndim, len(shape))),
+        meta=np.empty((0,) * len(shape), np.float32),
     )
-
-
-def tile_side(size: int, halo: int, grid: int) -> int:
-    """Return the side of tiles of almost equal sides, a multiple of `grid`, for an image's side.
-
-    The last tile may be smaller, but not smaller than the halo.
-
-    Examples
-    --------
-    >>> tile_side(2001, halo=24, grid=4)  # 1,004 and 997 pixels
-    1004
-    """
-    for number in range(-(-size // _TILE), 1, -1):
-        side = _round_up(-(-size // number), grid)
-        if side >= halo and size - (-(-size // side) - 1) * side >= halo:
-            return side
-    return size
-
-
-def _round_up(number: int, factor: int) -> int:
-    return -(-number // factor) * factor

@@ -110,9 +110,11 @@ class EngineBacked:
     def halo(self) -> int:
         """Radius of the receptive field in pixels.
 
-        Except in a border of this width, a tile's estimate equals that of the whole image, up to
-        rounding. The tile must begin at a multiple of the product of the strides, such as 4 for
-        "medium", and its sides must be multiples, too.
+        Except in a border of this width, the layers of a network return the same for a part of an
+        image as for the whole, up to rounding. The part must begin at a multiple of the product of
+        the strides, such as 4 for "medium", and its sides must be multiples, too. The estimate of a
+        K-conditioned network may differ by more, because the mean and the brightest pixels of an
+        image decide how its dark regions are estimated.
         """
         return self.engine_network.halo
 
