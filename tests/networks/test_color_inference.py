@@ -56,9 +56,15 @@ def test_all_trials_beyond_the_range_of_the_network_are_one_level():
     assert network.levels == [64]
 
 
-def test_the_local_trials_of_channels_are_their_harmonic_mean():
+def test_the_local_trials_of_channels_are_their_mean():
     assert _local_trials([_counted(16), _counted(16), _counted(16)], None) == 16
-    assert _local_trials([_counted(4), _counted(8), _counted(8)], None) == 6
+    assert _local_trials([_counted(4), _counted(6), _counted(8)], None) == 6
+
+
+def test_filters_that_say_little_do_not_hide_what_the_others_say():
+    board = np.where(np.indices((8, 40)).sum(axis=0) % 2, 16.0, 1.0)
+    local = _local_trials([_counted(board)], None)
+    np.testing.assert_allclose(local, 8.5, atol=0.6)
 
 
 def test_channels_that_say_nothing_do_not_count():

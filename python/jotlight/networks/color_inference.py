@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.blur import blur
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.estimators.trial_levels import (
     LocalTrials,
@@ -37,6 +38,9 @@ takes for agreement with its start, and its own colors are too bright."""
 
 _TRUST_SIGMA = 2.0
 """Standard deviation of the filter of this light, in pixels."""
+
+_TRIALS_SIGMA = 3.0
+"""Standard deviation of the filter of the local trials, in pixels."""
 
 
 _Planes = Callable[[float], Image]
@@ -201,16 +205,17 @@ def _weights(counted: PixelCounts, trials: float) -> Array:
 def _local_trials(channels: Sequence[PixelCounts], threads: int | None) -> LocalTrials:
     """Return the local trials of counts of the same pixels: a number from 1, or a map (H, W).
 
-    Those of several channels are their harmonic mean, because the noise of a fraction of ones is
-    inversely proportional to its trials. Pixels that say nothing have those of the nearest other.
+    They are means over nearby pixels and over the channels. A harmonic mean, as for gray images,
+    would be that of the filters that say least, and hide what the others say. Pixels that say
+    nothing have the trials of the nearest other.
     """
-    inverse: list[Array] = []
+    maps: list[Array] = []
     for counted in channels:
         trials = np.broadcast_to(counted.trials, counted.counts.shape).astype(np.float64)
         known = trials > MAX_SILENT_TRIALS
         if known.any():
             filled = fill_from_nearest(trials, known)
-            inverse.append(np.asarray(1 / np.maximum(filled, 1), np.float64))
-    if not inverse:
+            maps.append(np.asarray(np.maximum(filled, 1), np.float64))
+    if not maps:
         return 1
-    return local_trials(len(inverse) / np.stack(inverse).sum(axis=0), threads)
+    return local_trials(blur(np.mean(maps, axis=0), _TRIALS_SIGMA, threads), threads)
