@@ -1,5 +1,7 @@
 """The uncertainty of any method: coverage, stacks, maps of jots, and bad input."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,34 @@ def test_the_object_of_a_measured_network_has_the_intervals_of_its_name():
         same = jl.uncertainty(COUNTS, SENSOR, method=jl.pretrained(SENSOR, quality))
         np.testing.assert_array_equal(known.low, same.low)
         np.testing.assert_array_equal(known.high, same.high)
+
+
+def changed_knots(network):
+    first, *others = network.layers
+    assert first.coefficients is not None
+    first = dataclasses.replace(first, start=1.5 * first.start, spacing=1.5 * first.spacing)
+    return [first, *others], network.trials_range
+
+
+def changed_wiring(network):
+    layers = list(network.layers)
+    index = next(number for number, layer in enumerate(layers) if layer.skip is not None)
+    layers[index] = dataclasses.replace(layers[index], skip=None)
+    return layers, network.trials_range
+
+
+def changed_range(network):
+    return network.layers, (1, 128)
+
+
+@pytest.mark.parametrize("change", [changed_knots, changed_wiring, changed_range])
+def test_a_changed_network_is_not_taken_for_the_measured_one(change):
+    layers, trials_range = change(jl.pretrained(SENSOR))
+    changed = jl.Network(layers, SENSOR, trials_range=trials_range)
+    estimate = jl.reconstruct(COUNTS[:32, :32], SENSOR)
+    known = jl.uncertainty(COUNTS[:32, :32], SENSOR, method=changed, estimate=estimate)
+    same = jl.uncertainty(COUNTS[:32, :32], SENSOR, method="mle-iterative", estimate=estimate)
+    np.testing.assert_array_equal(known.low, same.low)
 
 
 def test_the_errors_of_an_own_network_are_not_taken_for_measured_ones():

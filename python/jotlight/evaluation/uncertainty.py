@@ -31,11 +31,12 @@ from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request
+from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
     CONDITIONAL_SIZE,
     pretrained,
-    pretrained_file,
+    pretrained_conditional,
 )
 from jotlight.sensing.pixel_counts import (
     Data,
@@ -289,19 +290,27 @@ def _medium(sensor: Sensor) -> Network:
 
 
 def _is_measured(network: Network) -> bool:
-    """Return whether a network has the parameters of one whose errors were measured."""
+    """Return whether a network computes what one does whose errors were measured."""
     if network.trials_range is None:
         return False
-    files = {pretrained_file(network.sensor, size, is_conditional=True) for size in _MEASURED_SIZES}
-    return any(_have_equal_layers(network, Network.load(file)) for file in sorted(files))
+    return any(
+        _have_equal_layers(network, pretrained_conditional(network.sensor, size))
+        for size in _MEASURED_SIZES
+    )
 
 
 def _have_equal_layers(network: Network, other: Network) -> bool:
-    """Return whether the layers of two networks have equal parameters."""
-    if len(network.layers) != len(other.layers):
-        return False
-    return all(
+    """Return whether two networks have equal layers, with sets of parameters for the same K."""
+    return (
+        network.trials_range == other.trials_range
+        and len(network.layers) == len(other.layers)
+        and all(map(_are_equal, network.layers, other.layers))
+    )
+
+
+def _are_equal(one: Layer, two: Layer) -> bool:
+    """Return whether two layers have equal parameters, knots, and wiring."""
+    return one.metadata() == two.metadata() and all(
         np.array_equal(getattr(one, name), getattr(two, name))
         for name in ("filters", "coefficients")
-        for one, two in zip(network.layers, other.layers, strict=True)
     )
