@@ -10,7 +10,7 @@ from jotlight.motion.detection import THRESHOLD, motion_score
 from jotlight.motion.jot_kinds import without_kinds
 from jotlight.motion.mosaic_colors import is_mergeable
 from jotlight.motion.reading_counts import counts_of_readings
-from jotlight.networks.pretrained import CONDITIONAL_SIZE
+from jotlight.networks.pretrained import DEFAULT_SIZE
 from jotlight.sensing.alike_frames import find_cycle
 from jotlight.sensing.sensor import Sensor
 
@@ -39,12 +39,12 @@ def range_advice(choice: Choice, maximum: float, brightness: float) -> str | Non
     if choice.saturation is not None and maximum > _CLIPPED * choice.max_intensity:
         return (
             f"the scene reaches the largest intensity {choice.max_intensity:g} of the network; "
-            f"--quality {CONDITIONAL_SIZE} reaches {choice.saturation:.3g}, where the bits saturate"
+            f"--quality {DEFAULT_SIZE} reaches {choice.saturation:.3g}, where the bits saturate"
         )
     if is_shipped and choice.has_fixed_range and brightness < _DIM:
         return (
             f"the network {choice.quality} is for scenes with a brightness of 1, and the "
-            f"brightness of this scene is {brightness:.2g}; --quality {CONDITIONAL_SIZE} is for "
+            f"brightness of this scene is {brightness:.2g}; --quality {DEFAULT_SIZE} is for "
             "every brightness"
         )
     return None

@@ -26,7 +26,7 @@ from jotlight.cli.training_run import (
 )
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
+from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
@@ -42,7 +42,7 @@ def fine_tune(
         Parameter(
             group=NETWORK_PANEL,
             help=f"Size of the trained network to start from: {', '.join(SIZES)}. Default: "
-            f"{CONDITIONAL_SIZE}.",
+            f"{DEFAULT_SIZE}.",
         ),
     ] = None,
     capture: CaptureOptions = CaptureOptions(),
@@ -100,7 +100,7 @@ def fine_tune(
     _report(training, history, seconds, kind)
     _report_next(data, training, capture, sensor)
     if kind.startswith(("a two-layer", "a small")):
-        report(f"--quality {CONDITIONAL_SIZE}, the default, starts from a better network.")
+        report(f"--quality {DEFAULT_SIZE}, the default, starts from a better network.")
 
 
 def _report_next(
@@ -146,7 +146,7 @@ def _start(path: Path | None, quality: str | None, sensor: Sensor) -> tuple[Netw
             raise ValueError("start: this network has its own layers; leave out --quality")
         network, origin = Network.load(path), str(path)
     else:
-        quality = quality or CONDITIONAL_SIZE
+        quality = quality or DEFAULT_SIZE
         network, origin = pretrained(sensor, quality), "the one that ships with jotlight"
     return network, describe_kind(network, quality), origin
 

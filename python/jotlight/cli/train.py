@@ -43,7 +43,7 @@ from jotlight.cli.training_run import (
     run_training,
 )
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE
+from jotlight.networks.pretrained import DEFAULT_SIZE
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History, Record
 
@@ -271,7 +271,7 @@ def _hint(network: Network) -> None:
     """Print which network is better, if this one is not the best kind."""
     if len(network.layers) > _SMALL_LAYERS:
         return
-    report(f"--quality {CONDITIONAL_SIZE} trains a better network, with PyTorch.")
+    report(f"--quality {DEFAULT_SIZE} trains a better network, with PyTorch.")
     report(
         f"The trained network {_BEST} serves this sensor, too: jotlight reconstruct CAPTURE "
         f"--quality {_BEST} -o a.png"

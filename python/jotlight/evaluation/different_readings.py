@@ -17,7 +17,7 @@ from jotlight.evaluation.methods import LARGE_METHOD, find_method
 from jotlight.layout import join
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained_conditional
+from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained_conditional
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import GrayImages
@@ -131,7 +131,7 @@ def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
     merged = merging.near_neighbors()
     if joint.sensor.has_plain_bits:
         return merged
-    network = pretrained_conditional(merged.sensor, CONDITIONAL_SIZE)
+    network = pretrained_conditional(merged.sensor, DEFAULT_SIZE)
     for _ in range(_ROUNDS):
         estimate = network.reconstruct(merged, threads=threads)
         merged = merging.near(blur(estimate, _NEIGHBORHOOD, threads))

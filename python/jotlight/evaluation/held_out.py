@@ -12,7 +12,7 @@ from jotlight.estimators.mle import mle
 from jotlight.evaluation.blend_weights import blend_weights
 from jotlight.layout import Layout, join
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
+from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.merged import Merged
@@ -131,7 +131,7 @@ def held_out(
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
     images = gray_images(data)
     output = output_of(images, sensor, out)
-    network = pretrained(sensor, CONDITIONAL_SIZE)
+    network = pretrained(sensor, DEFAULT_SIZE)
     return output.finish(blend(images, sensor, network, threads)[0])
 
 

@@ -48,7 +48,7 @@ from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
 from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
+from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.merged import is_finer
 from jotlight.sensing.pixel_counts import (
@@ -312,7 +312,7 @@ def _by_method(
     history, shares = None, None
     if request.fallback or choice.method == LARGE_METHOD:
         check_fallback(sensor, choice.method, choice.quality, network)
-        quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
+        quality = DEFAULT_SIZE if choice.method == LARGE_METHOD else choice.quality
         network = network or pretrained_conditional(sensor, str(quality))
         output = output_of(images, sensor, out)
         blends, shares = blend(images, sensor, network, threads)

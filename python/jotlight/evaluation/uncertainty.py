@@ -34,7 +34,7 @@ from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
-    CONDITIONAL_SIZE,
+    DEFAULT_SIZE,
     pretrained,
     pretrained_conditional,
 )
@@ -50,7 +50,7 @@ from jotlight.sensing.sensor import Sensor
 EXACT_METHOD = "mle"
 """Name of the method whose intervals are exact."""
 
-_MEASURED_SIZES = CONDITIONAL_SIZE, "large", "extra-large"
+_MEASURED_SIZES = DEFAULT_SIZE, "large", "extra-large"
 """Sizes of shipped networks whose errors are as large as those of the error model."""
 
 
@@ -286,7 +286,7 @@ def _reference(
 
 def _medium(sensor: Sensor) -> Network:
     """Return the network to whose errors those of other methods are added."""
-    return pretrained(sensor, CONDITIONAL_SIZE)
+    return pretrained(sensor, DEFAULT_SIZE)
 
 
 def _is_measured(network: Network) -> bool:

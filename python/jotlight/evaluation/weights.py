@@ -9,7 +9,7 @@ from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.pretrained import (
     CHANNELS_FILE,
     COLOR_START,
-    CONDITIONAL_SIZE,
+    DEFAULT_SIZE,
     FILM_FILE,
     FILM_START,
     MOSAIC_FILE,
@@ -62,7 +62,7 @@ def weights_sha256(
     >>> weights_sha256(sensor, "mle", None) is None
     True
     """
-    size = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
+    size = DEFAULT_SIZE if method == LARGE_METHOD else quality
     if method == COLOR_NETWORK:
         own = CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE
         files = {own, pretrained_file(sensor, COLOR_START, is_conditional=True)}

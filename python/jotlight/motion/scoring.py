@@ -15,11 +15,11 @@ from jotlight.motion.lights import Lights
 from jotlight.motion.regularize import Equations
 from jotlight.motion.sums import Counts, Sums
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
+from jotlight.networks.pretrained import DEFAULT_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
 
 Image = npt.NDArray[np.float32]
 
-FAST, PRECISE = TEMPLATES, CONDITIONAL_SIZE
+FAST, PRECISE = TEMPLATES, DEFAULT_SIZE
 """Networks that denoise templates."""
 
 _EQUAL_TRIALS = np.float32(1024)

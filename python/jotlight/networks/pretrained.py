@@ -19,7 +19,7 @@ _kept: dict[tuple[Path, int], Any] = {}
 Reading takes longer than the reconstruction of a small image.
 """
 
-CONDITIONAL_SIZE = "medium"
+DEFAULT_SIZE = "medium"
 """The default size. It has no networks for one K alone."""
 
 TRAINED_TRIALS = tuple(side**2 for side in range(3, 11))

@@ -19,7 +19,7 @@ from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.merge import merge
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
-from jotlight.networks.pretrained import CONDITIONAL_SIZE
+from jotlight.networks.pretrained import DEFAULT_SIZE
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
@@ -224,7 +224,7 @@ def _warn_about_clipping(choice: Choice, image: Image) -> None:
     if choice.saturation is not None and image.max() > _CLIPPED * choice.max_intensity:
         warn(
             f"the scene reaches the largest intensity {choice.max_intensity:g} of this network, so "
-            f"brighter pixels are clipped; the quality {CONDITIONAL_SIZE} reaches "
+            f"brighter pixels are clipped; the quality {DEFAULT_SIZE} reaches "
             f"{choice.saturation:.3g}, where the bits saturate"
         )
 
