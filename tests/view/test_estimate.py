@@ -10,6 +10,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import display_levels
 from jotlight.images.tone import CURVES, Tone
 from jotlight.view.display import display, display_difference, fit_white
@@ -57,6 +58,31 @@ def test_the_estimate_equals_that_of_the_library(name, method):
     viewed, span = viewed_of(name), range(4, 12)
     expected = jl.reconstruct(viewed.data[4:12], method=method)
     np.testing.assert_array_equal(made(viewed, span, method).image, expected)
+
+
+class Unread(Viewed):
+    """A capture whose frames must not be read again after they have been counted."""
+
+    def part(self, frames):
+        raise AssertionError(f"{frames} are read again")
+
+
+METHODS_OF_COUNTS = [
+    (kind, name)
+    for kind in ("plain", "oversampled", "masked", "smooth")
+    for name, method in METHODS.items()
+    if method.available
+    and not (kind == "smooth" and (method.iterative or method.unsupported_reason(SENSORS[kind])))
+]
+
+
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+@pytest.mark.parametrize(("kind", "method"), METHODS_OF_COUNTS)
+def test_frames_that_are_counted_are_not_read_again(kind, method):
+    viewed, span = viewed_of(kind), range(4, 12)
+    counts = RunningCounts(viewed).move(span)
+    image = estimate(Unread(kind, viewed.data, viewed.sensor_of_all, True), span, method, counts)
+    np.testing.assert_array_equal(image.image, jl.reconstruct(viewed.data[4:12], method=method))
 
 
 def test_color_bits_are_estimated():

@@ -35,9 +35,6 @@ from jotlight.view.viewed import Check, Viewable
 Image = npt.NDArray[np.float32]
 Counts = npt.NDArray[np.integer]
 
-_FROM_COUNTS = {"mle", "network-small", "network-medium", "network-large", "network-extra-large"}
-"""Methods whose estimate from counts equals that from bits, for jots that are all alike."""
-
 DEMOSAICING = "differences"
 """How the planes of a mosaic become an image. It needs no extra."""
 
@@ -190,7 +187,7 @@ def estimate(
         data = dataclasses.replace(merged, sensor=own)
         counts, trials = np.asarray(merged.ones), merged.trials
         counted = ONES if is_plain else EQUIVALENT
-    elif _suffice(counts, sensor, method):
+    elif _suffice(sensor, method):
         data = counts
     else:
         part = viewed.part(frames)
@@ -248,14 +245,12 @@ def _live_counts(
     return np.asarray(pixels.sum(axis=(1, 3))), trials
 
 
-def _suffice(counts: Counts, sensor: Sensor, method: str) -> bool:
-    """Return whether a method needs only the counts of a window, not its bits."""
-    return (
-        (method in _FROM_COUNTS or sensor.mosaic is not None)
-        and sensor.has_plain_bits
-        and not sensor.maps()
-        and (sensor.oversampling == 1 or sensor.kernel == "box")
-    )
+def _suffice(sensor: Sensor, method: str) -> bool:
+    """Return whether the counts of a window have all that a method needs of its bits."""
+    # With a smooth kernel, iterative methods need the place of each one.
+    needs_places = sensor.kernel != "box" and METHODS[method].iterative
+    are_alike = sensor.oversampling == 1 or not sensor.maps()
+    return sensor.has_plain_bits and are_alike and not needs_places
 
 
 def alignment_reason(viewed: Viewable) -> str | None:
