@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import urllib.request
+import webbrowser
 
 import numpy as np
 import pytest
@@ -188,7 +189,9 @@ def test_the_page_says_where_it_is_and_how_it_ends(session):
 
 
 def test_a_browser_in_the_terminal_does_not_delay_the_page(monkeypatch):
-    serving = pytest.importorskip("jotlight.view.serving", reason="no server")
+    pytest.importorskip("jotlight.view.serving", reason="no server")
+    from view_servers import serving
+
     opened, begun, closed = [], threading.Event(), threading.Event()
 
     def browse(address):
@@ -196,8 +199,8 @@ def test_a_browser_in_the_terminal_does_not_delay_the_page(monkeypatch):
         begun.set()
         closed.wait(60)
 
-    monkeypatch.setattr(serving.webbrowser, "open", browse)
-    with serving.serving(Viewed.from_data(BITS)) as server:
+    monkeypatch.setattr(webbrowser, "open", browse)
+    with serving(Viewed.from_data(BITS)) as server:
         server.open_browser()
         assert begun.wait(20)
         assert len(opened) == 1

@@ -22,7 +22,7 @@ def bits(photo):
 def server(bits):
     pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
     pytest.importorskip("starlette")
-    from jotlight.view.serving import serving
+    from view_servers import serving
 
     with serving(Viewed.from_data(bits, TITLE)) as running:
         yield running

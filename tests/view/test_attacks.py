@@ -1,7 +1,6 @@
 """Attacks on the server are refused or bounded, and the server stays up."""
 
 import socket
-import threading
 from contextlib import suppress
 
 import pytest
@@ -11,7 +10,6 @@ pytest.importorskip("starlette")
 exceptions = pytest.importorskip("websockets.exceptions")
 
 from jotlight.view.app import MAX_PAGES  # noqa: E402
-from jotlight.view.serving import Server  # noqa: E402
 from jotlight.view.viewed import Viewed  # noqa: E402
 from streams import (  # noqa: E402
     ask,
@@ -24,6 +22,7 @@ from streams import (  # noqa: E402
     receive_all,
     wait_until,
 )
+from view_servers import serving  # noqa: E402
 
 
 @pytest.mark.parametrize("path", ["/", "/page/main.js", "/save?format=png&state={}", "/?token=x"])
@@ -159,11 +158,7 @@ def test_many_connections_are_refused_not_fatal(server):
 
 @pytest.mark.slow
 def test_a_public_server_shows_a_name_and_accepts_its_addresses(bits):
-    running = Server(Viewed.from_data(bits), host="0.0.0.0")
-    thread = threading.Thread(target=running.run, daemon=True)
-    thread.start()
-    try:
-        wait_until(lambda: running._server.started)
+    with serving(Viewed.from_data(bits), host="0.0.0.0") as running:
         assert running.address.startswith(f"http://{socket.gethostname()}:")
         for host, status in (
             ("192.0.2.7", 200),
@@ -172,9 +167,6 @@ def test_a_public_server_shows_a_name_and_accepts_its_addresses(bits):
         ):
             headers = {**cookie(running), "Host": f"{host}:{running.port}"}
             assert get(running, "/", **headers)[0].status == status
-    finally:
-        running.stop()
-        thread.join(10)
 
 
 def _can_connect(server):

@@ -10,9 +10,10 @@ pytest.importorskip("starlette")
 pytest.importorskip("websockets")
 
 from jotlight.view import connections
-from jotlight.view.serving import _MAX_CONNECTIONS, serving
+from jotlight.view.serving import _MAX_CONNECTIONS
 from jotlight.view.viewed import Viewed
 from streams import connected, is_alive, read, wait_until
+from view_servers import serving
 
 # They wait for seconds.
 pytestmark = pytest.mark.slow

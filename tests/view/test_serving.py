@@ -4,6 +4,7 @@ import json
 import queue
 import threading
 import urllib.parse
+import webbrowser
 
 import numpy as np
 import pytest
@@ -15,9 +16,8 @@ pytest.importorskip("starlette")
 exceptions = pytest.importorskip("websockets.exceptions")
 
 from jotlight.images.tone import Tone  # noqa: E402
-from jotlight.view import serving as serving_module  # noqa: E402
 from jotlight.view.facts import describe_capture  # noqa: E402
-from jotlight.view.serving import Server, serving  # noqa: E402
+from jotlight.view.serving import Server  # noqa: E402
 from jotlight.view.viewed import Viewed  # noqa: E402
 from streams import (  # noqa: E402
     ask,
@@ -28,6 +28,7 @@ from streams import (  # noqa: E402
     read_until,
     wait_until,
 )
+from view_servers import serving  # noqa: E402
 
 
 def test_the_address_leads_to_the_page_and_sets_a_cookie(server):
@@ -51,7 +52,7 @@ def test_the_address_on_the_command_line_of_a_browser_is_worthless_once_it_was_u
 ):
     """All users of a machine can see command lines."""
     opened = queue.SimpleQueue()
-    monkeypatch.setattr(serving_module.webbrowser, "open", opened.put)
+    monkeypatch.setattr(webbrowser, "open", opened.put)
     server.open_browser()
     address = opened.get(timeout=20)
     assert server.token not in address
@@ -215,6 +216,16 @@ def test_saved_images_are_attachments_with_safe_names(server, ending):
     assert answer.getheader("Content-Disposition").endswith(f'-1-5-mle.{ending}"')
     assert "<" not in answer.getheader("Content-Disposition")
     assert body[:4] in (b"\x89PNG", b"II*\0")
+
+
+@pytest.mark.parametrize("failure", [OSError("no event loop"), SystemExit(1)])
+def test_a_server_that_does_not_start_is_an_error(bits, monkeypatch, failure):
+    def fails(self, sockets):
+        raise failure
+
+    monkeypatch.setattr("uvicorn.Server.run", fails)
+    with pytest.raises(type(failure)), serving(Viewed.from_data(bits)) as running:
+        get(running, "/")
 
 
 def test_the_token_differs_each_time_and_the_port_is_checked(bits):

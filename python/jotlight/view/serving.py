@@ -1,12 +1,9 @@
 """The server: a socket, an address with a token, and uvicorn."""
 
-import contextlib
 import secrets
 import socket
 import threading
-import time
 import webbrowser
-from collections.abc import Iterator
 
 import uvicorn
 
@@ -22,8 +19,6 @@ _MAX_CONNECTIONS = 64
 
 _BACKLOG = 64
 """Maximum number of connections that wait to be accepted."""
-
-_START_SECONDS = 10.0
 
 
 class Server:
@@ -124,29 +119,3 @@ def _listen(host: str, port: int) -> socket.socket:
         listening.close()
         raise OSError(f"cannot listen on {host}, port {port}: {error.strerror}") from error
     return listening
-
-
-@contextlib.contextmanager
-def serving(viewed: Viewable) -> Iterator[Server]:
-    """Serve a capture in a thread while the block runs, and yield the server.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from jotlight.sensing.bits import Bits
-    >>> from jotlight.view.viewed import Viewed
-    >>> with serving(Viewed.from_data(Bits.from_array(np.ones((4, 2, 2), bool)))) as server:
-    ...     server.address.startswith("http://127.0.0.1:")
-    True
-    """
-    server = Server(viewed)
-    thread = threading.Thread(target=server.run, daemon=True, name="jotlight-view")
-    thread.start()
-    end = time.monotonic() + _START_SECONDS
-    while not server._server.started and time.monotonic() < end:
-        time.sleep(0.005)
-    try:
-        yield server
-    finally:
-        server.stop()
-        thread.join(_START_SECONDS)

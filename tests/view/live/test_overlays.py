@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
 
 from jotlight.view.live.options import LiveOptions, open_live
-from jotlight.view.serving import serving
 from streams import ask, connected, read, read_until
+from view_servers import serving
 
 
 @pytest.mark.parametrize("method", ["mle", "network-small"])

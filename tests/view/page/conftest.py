@@ -14,7 +14,7 @@ PHOTO = jl.datasets.photograph("camera")[:200, :240]
 @pytest.fixture(scope="module")
 def server():
     pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
-    from jotlight.view.serving import serving
+    from view_servers import serving
 
     scene = 0.5 * PHOTO
     scene[20, 30] = 80.0

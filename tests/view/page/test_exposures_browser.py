@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 def serve(sensor):
     pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
-    from jotlight.view.serving import serving
+    from view_servers import serving
 
     return serving(Viewed.from_data(sensor.expose(np.full((32, 32), 0.5), rng=0)))
 

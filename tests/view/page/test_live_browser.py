@@ -15,7 +15,7 @@ IN_MEMORY = 2048
 def growing(tmp_path, server):
     """Return a function that adds frames to a file, and the server that follows the file."""
     from jotlight.view.live.options import LiveOptions, open_live
-    from jotlight.view.serving import serving
+    from view_servers import serving
 
     path = tmp_path / "a.bin"
 

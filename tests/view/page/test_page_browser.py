@@ -216,7 +216,7 @@ def choose(tab, control, value):
 
 @pytest.fixture(scope="module")
 def mosaic(server):
-    from jotlight.view.serving import serving
+    from view_servers import serving
 
     sensor = jl.Sensor(frames=64, mosaic="RGGB")
     with serving(Viewed.from_data(sensor.expose(np.full((32, 32, 3), 0.5), rng=0))) as running:
