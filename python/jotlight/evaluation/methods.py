@@ -19,8 +19,9 @@ from jotlight.estimators.mle import mle
 from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.held_out import held_out, smooth_kernel_reason
+from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained
+from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
 from jotlight.parameter_names import did_you_mean
 from jotlight.sensing.pixel_counts import Data, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
@@ -80,8 +81,6 @@ class Method:
     title: str
     run: Run
     """``run(data, sensor, *, out, threads)`` returns the estimate."""
-    options: frozenset[str] = frozenset()
-    """Names in :data:`OPTION_DEFAULTS` that this method accepts."""
     quality: str | None = None
     """Size of the shipped network, or None for other methods."""
     required_package: str | None = None
@@ -92,13 +91,16 @@ class Method:
     """Function that returns whether the estimate for a sensor differs from a faster method's."""
     warms_up: bool = True
     """Whether a comparison first runs it on a small image, so that its time excludes imports."""
-    iterative: bool = False
-    """Whether `run` takes `tol`, `max_iter`, `callback` and `return_history`."""
 
     @property
     def available(self) -> bool:
         """Whether the required package is installed."""
         return self.required_package is None or find_spec(self.required_package) is not None
+
+    @property
+    def iterative(self) -> bool:
+        """Whether `run` takes `tol`, `max_iter`, `callback`, and `return_history`."""
+        return "return_history" in inspect.signature(self.run).parameters
 
     @property
     def keywords(self) -> tuple[str, ...] | None:
@@ -110,29 +112,23 @@ class Method:
         names = (each.name for each in parameters if each.kind is inspect.Parameter.KEYWORD_ONLY)
         return tuple(name for name in names if name not in _COMMON and name not in fixed)
 
+    @property
+    def options(self) -> frozenset[str]:
+        """Names in :data:`OPTION_DEFAULTS` that this method accepts."""
+        return frozenset(OPTION_DEFAULTS).intersection(self.keywords or ())
+
 
 _COMMON = frozenset({"trials", "out", "threads", "channel_axis", "return_history"})
 """Parameters of methods that :func:`jotlight.reconstruct` sets."""
 
-_ITERATIVE_OPTIONS = frozenset({"tol", "max_iter"})
-
 
 def _noniterative(title: str, denoiser: str, required_package: str | None = None) -> Method:
     run = partial(noniterative, denoiser=denoiser)
-    return Method(
-        f"non-iterative, {title}",
-        run,
-        frozenset({"inverse"}),
-        required_package=required_package,
-    )
+    return Method(f"non-iterative, {title}", run, required_package=required_package)
 
 
-def _shipped_network(title: str, quality: str) -> Method:
-    return Method(
-        f"network, {title}",
-        partial(trained_network, quality=quality),
-        quality=quality,
-    )
+def _shipped_network(size: str) -> Method:
+    return Method(f"network, {size}", partial(trained_network, quality=size), quality=size)
 
 
 METHODS: dict[str, Method] = {
@@ -140,10 +136,8 @@ METHODS: dict[str, Method] = {
     "mle-iterative": Method(
         "maximum likelihood, iterative",
         mle_iterative,
-        _ITERATIVE_OPTIONS,
         unsupported_reason=_deconvolution_reason,
         is_distinct=lambda sensor: sensor.kernel != "box",
-        iterative=True,
     ),
     "noniterative-gaussian": _noniterative("Gaussian", "gaussian"),
     "noniterative-tv": _noniterative("total variation", "tv"),
@@ -152,16 +146,10 @@ METHODS: dict[str, Method] = {
     "admm-tv": Method(
         "ADMM, total variation",
         admm_tv,
-        _ITERATIVE_OPTIONS | {"weight", "norm"},
         unsupported_reason=_deconvolution_reason,
-        iterative=True,
     ),
     "network-initial": Method("network, initial", initial_network),
-    "network-two-layer": _shipped_network("two-layer", "two-layer"),
-    "network-small": _shipped_network("small", "small"),
-    "network-medium": _shipped_network("medium", "medium"),
-    "network-large": _shipped_network("large", "large"),
-    "network-extra-large": _shipped_network("extra-large", "extra-large"),
+    **{f"network-{size}": _shipped_network(size) for size in QUALITIES},
     "held-out": Method(
         "best blend on held-out bits",
         held_out,
@@ -171,7 +159,7 @@ METHODS: dict[str, Method] = {
 }
 """All methods, in the order in which tables list them."""
 
-DEFAULT_METHOD = "network-medium"
+DEFAULT_METHOD = f"network-{DEFAULT_SIZE}"
 """Method for every sensor, unless another one is requested."""
 
 LARGE_METHOD = "held-out"
