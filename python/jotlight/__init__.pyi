@@ -31,7 +31,7 @@ from .estimators.noniterative import noniterative as noniterative
 from .estimators.planning import Plan as Plan
 from .estimators.planning import plan as plan
 from .estimators.uncertainty import Uncertainty as Uncertainty
-from .evaluation.comparison import compare as compare
+from .evaluation.compare import compare as compare
 from .evaluation.evaluate import evaluate as evaluate
 from .evaluation.reconstruct import reconstruct as reconstruct
 from .evaluation.uncertainty import uncertainty as uncertainty

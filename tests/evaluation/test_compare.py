@@ -1,73 +1,184 @@
-"""The comparison of methods on one image."""
+"""The comparison of methods, also those of the caller, on one image."""
 
 import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.compare import compare_methods, select_methods
-from jotlight.evaluation.methods import METHODS
+from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.pretrained import MOSAIC_FILE
+from jotlight.sensing.mosaic import Mosaic
 
-SENSOR = jl.Sensor(oversampling=4)
-IMAGE = jl.datasets.photograph("camera")[100:140, 180:220]
-BITS = SENSOR.expose(IMAGE, rng=0)
+SENSOR = jl.Sensor(oversampling=2, frames=4)
+IMAGE = jl.datasets.photograph()[100:140, 180:220]
+
+
+def mine(bits):
+    return bits.counts() / 16
+
+
+def test_functions_networks_and_names_are_compared_on_the_same_bits():
+    network = jl.Network.initial(SENSOR)
+    methods = {"mine": mine, "maximum": "mle", "own": network}
+    found = jl.compare(methods, IMAGE, SENSOR, rng=3, threads=1)
+    bits = SENSOR.expose(IMAGE, rng=3)
+    np.testing.assert_array_equal(found.bits.packed, bits.packed)
+    expected = [np.float32(mine(bits)), jl.mle(bits), network(bits)]
+    for result, estimate in zip(found.results, expected, strict=True):
+        np.testing.assert_array_equal(result.estimate, estimate)
+        assert result.psnr == jl.metrics.psnr(estimate, IMAGE)
+    assert [row[0] for row in found.rows()] == ["mine", "maximum", "own"]
+
+
+def test_a_function_of_the_caller_runs_once_on_the_whole_image():
+    sizes = []
+
+    def record(bits):
+        sizes.append(bits.shape)
+        return bits.counts() / 16 * np.ones(IMAGE.shape)
+
+    jl.compare({"a": record}, IMAGE, SENSOR)
+    assert sizes == [(4, 80, 80)]
+
+
+def test_a_comparison_is_a_table_in_terminals_and_notebooks():
+    found = jl.compare(["mle", "network-small"], IMAGE, SENSOR)
+    lines = str(found).splitlines()
+    assert lines[0].split() == ["method", "PSNR", "SSIM", "time"]
+    assert lines[1].startswith("maximum likelihood")
+    assert f"{found.results[0].psnr:.2f} dB" in lines[1]
+    assert len({len(line) for line in lines}) == 1
+    assert "<td>network, small</td>" in found._repr_html_()
+    assert len(repr(found)) < 400
+
+
+def test_the_figure_shows_the_image_the_bits_and_all_estimates():
+    figure = jl.compare({"a": mine, "b": "mle"}, IMAGE, SENSOR).plot()
+    images = [axes.images[0].get_array() for axes in figure.axes]
+    assert len(images) == 8
+    np.testing.assert_allclose(images[0], IMAGE)
+
+
+def test_the_recommended_method_is_named_so():
+    found = jl.compare(["mle", None], IMAGE, SENSOR)
+    assert found.results[1].method == "recommended"
+    assert str(found).splitlines()[2].startswith("recommended ")
+
+
+def test_all_methods_are_the_default():
+    small = IMAGE[:16, :16]
+    found = jl.compare(None, small, SENSOR)
+    assert {"mle", "admm-tv", "network-large"} <= {result.method for result in found.results}
+
+
+@pytest.mark.parametrize(
+    ("methods", "error", "message"),
+    [
+        (IMAGE, TypeError, "expected the name of a method, a network, or a function"),
+        (jl.FilmNetwork.initial(), TypeError, "for 'FilmNetwork', got a film network; jotlight"),
+        ([mine, mine], ValueError, "different titles, got mine, mine; pass a mapping"),
+        ({1: "mle", "1": mine}, ValueError, "methods: expected different titles"),
+        (["best"], ValueError, "method: there is no 'best'"),
+        ({"a": "best"}, ValueError, "method: there is no 'best'"),
+        ({"a": 3}, TypeError, "a function for 'a', got 3"),
+        ({}, ValueError, "methods: expected at least one"),
+        ({"a": lambda bits: np.zeros((2, 2))}, ValueError, "expected an image of shape"),
+    ],
+)
+def test_what_is_no_method_is_refused(methods, error, message):
+    with pytest.raises(error, match=message):
+        jl.compare(methods, IMAGE, SENSOR)
+
+
+def test_one_method_and_lists_of_functions_are_compared():
+    assert [each.method for each in jl.compare("mle", IMAGE, SENSOR).results] == ["mle"]
+    assert [each.method for each in jl.compare(mine, IMAGE, SENSOR).results] == ["mine"]
+    network = jl.pretrained(SENSOR)
+    found = jl.compare([mine, "mle", network], IMAGE, SENSOR)
+    assert [each.method for each in found.results] == ["mine", "mle", "Network"]
+    assert "maximum likelihood" in repr(found)
+
+
+def test_images_that_cannot_be_shown_are_refused():
+    with pytest.raises(ValueError, match="gray or RGB image"):
+        jl.compare(["mle"], np.full((16, 16, 4), 0.5), SENSOR, channel_axis=-1)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"gain": [2.0, 2.0, 0.5, 0.5]},
+        {"bit_depth": 4},
+        *(
+            pytest.param(options, marks=pytest.mark.slow)
+            for options in (
+                {"threshold": [1, 1, 2, 2]},
+                {"threshold": 1 + np.indices((48, 40)).sum(axis=0) % 2},
+                {"read_noise": 0.2},
+            )
+        ),
+    ],
+)
+def test_sensors_of_every_kind_are_compared(options):
+    image = jl.datasets.photograph()[100:148, 180:220]
+    sensor = jl.Sensor(frames=4, **options)
+    found = jl.compare(["mle", "network-small"], image, sensor, rng=1)
+    for result in found.results:
+        expected = jl.reconstruct(sensor.expose(image, rng=1), method=result.method)
+        np.testing.assert_array_equal(result.estimate, expected)
+    assert found.results[0].psnr < found.results[1].psnr
+    name = "readings of 4 bits" if "bit_depth" in options else "bits"
+    assert name in {text.get_text() for text in found.plot().texts}
 
 
 @pytest.mark.slow
-def test_each_result_is_that_of_the_method_measured_against_the_image():
-    names = [name for name in select_methods(SENSOR) if METHODS[name].required_package is None]
-    titles = []
-    results = compare_methods(IMAGE, BITS, SENSOR, names, begin=titles.append)
-    assert titles == [METHODS[name].title for name in names]
-    for name, result in zip(names, results, strict=True):
-        estimate = METHODS[name].run(BITS, SENSOR)
-        assert (result.estimate == estimate).all()
-        assert result.psnr == jl.metrics.psnr(estimate, IMAGE)
-        assert result.ssim == jl.metrics.ssim(estimate, IMAGE)
-        assert result.seconds > 0
+@pytest.mark.parametrize("mosaic", ["RGGB", None])
+def test_the_color_network_is_one_of_the_methods_for_colors(mosaic):
+    image = jl.datasets.photograph("astronaut")[100:132, 180:212]
+    found = jl.compare(None, image, jl.Sensor(frames=8, mosaic=mosaic), channel_axis=-1)
+    best = max(found.results, key=lambda result: result.psnr)
+    assert best.method == "network-color"
+    assert best.estimate.shape == image.shape
+    assert "network, color" in repr(found)
 
 
-def test_an_iterative_method_reports_its_progress():
-    fractions = []
-    compare_methods(IMAGE, BITS, SENSOR, ["admm-tv"], begin=lambda title: fractions.append)
-    assert len(fractions) > 1
-    assert 0 <= fractions[0] < fractions[-1] == 1
+def test_a_color_network_is_compared():
+    network = ColorNetwork.load(MOSAIC_FILE)
+    image = jl.datasets.photograph("astronaut")[100:132, 180:212]
+    found = jl.compare([network], image, jl.Sensor(frames=8, mosaic="RGGB"), channel_axis=-1)
+    expected = jl.reconstruct(found.bits, method=network)
+    np.testing.assert_array_equal(found.results[0].estimate, expected)
 
 
-def test_an_image_too_small_for_ssim_has_none():
-    image = np.full((10, 12), 0.5)
-    [result] = compare_methods(image, SENSOR.expose(image, rng=0), SENSOR, ["mle"])
-    assert result.ssim is None
-    assert np.isfinite(result.psnr)
+def test_a_mosaic_of_the_size_of_the_image_is_compared():
+    image = np.full((24, 20, 3), [0.6, 0.4, 0.2])
+    pattern = np.random.default_rng(0).choice(list("RGBW"), size=(24, 20))
+    found = jl.compare(["mle"], image, jl.Sensor(frames=64, mosaic=pattern), channel_axis=-1)
+    assert found.results[0].psnr > 10
 
 
-@pytest.mark.parametrize(
-    ("sensor", "included", "excluded"),
-    [
-        (SENSOR, {"mle", "network-large"}, {"mle-iterative"}),
-        (jl.Sensor(kernel="cubic"), {"mle", "mle-iterative", "network-medium"}, {"held-out"}),
-        (jl.Sensor(frames=2000), {"network-medium", "held-out"}, {"mle-iterative"}),
-    ],
-    ids=["box", "cubic", "2000 bits"],
-)
-def test_the_default_is_all_methods_that_serve_the_sensor_and_differ(sensor, included, excluded):
-    names = select_methods(sensor)
-    assert included <= set(names)
-    assert not excluded & set(names)
-    assert names == [name for name in METHODS if name in names]
+@pytest.mark.parametrize("method", ["mle", None])
+def test_the_white_balance_changes_no_score(method):
+    image = jl.datasets.photograph("astronaut")[100:132, 180:212]
+    factors = np.float32([1.25, 1.0, 1.5])
+    sensor = jl.Sensor(frames=8, mosaic=Mosaic("RGGB", white_balance=factors))
+    balanced = jl.reconstruct(sensor.expose(image, rng=0), method=method)
+    expected = jl.metrics.psnr(balanced / factors, image)
+    (result,) = jl.compare({"own": method}, image, sensor).results
+    assert result.psnr == pytest.approx(expected, abs=1e-4)
+    np.testing.assert_allclose(result.estimate, balanced / factors, atol=1e-6)
+    assert jl.metrics.psnr(balanced, image) < expected - 0.5
 
 
-def test_names_are_kept_in_their_order():
-    names = ["noniterative-tv", "mle-iterative", "mle"]
-    assert select_methods(SENSOR, names) == names
+def test_colors_of_a_mosaic_are_on_the_last_axis():
+    image = np.full((24, 20, 3), [0.6, 0.4, 0.2])
+    sensor = jl.Sensor(frames=8, mosaic="RGGB")
+    found, again = (jl.compare("mle", image, sensor, channel_axis=axis) for axis in (None, -1))
+    np.testing.assert_array_equal(found.results[0].estimate, again.results[0].estimate)
+    with pytest.raises(ValueError, match="image: expected red, green, and blue"):
+        jl.compare("mle", image[..., 0], sensor)
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("magic", "method: there is no 'magic'; expected one of mle, "),
-        ("held-out", "held-out: expected the box kernel for a blend on held-out bits, got linear"),
-    ],
-)
-def test_a_method_that_is_unknown_or_does_not_serve_the_sensor_is_refused(name, message):
-    with pytest.raises(ValueError, match=message):
-        select_methods(jl.Sensor(frames=20, kernel="linear"), ["mle", name])
+def test_one_channel_is_gray():
+    methods = jl.compare(None, IMAGE[:16, :16, None], jl.Sensor(frames=8), channel_axis=-1).titles
+    assert "network-medium" in methods
+    assert "network-color" not in methods

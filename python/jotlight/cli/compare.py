@@ -14,12 +14,12 @@ from jotlight.cli.console import out, progress, report
 from jotlight.cli.method_options import split_names
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.evaluation.choice import network_name
-from jotlight.evaluation.compare import select_methods
-from jotlight.evaluation.comparison import COLUMNS, Comparison, default_methods
-from jotlight.evaluation.comparison import compare as compare_by_title
+from jotlight.evaluation.compare import COLUMNS, Comparison, default_methods
+from jotlight.evaluation.compare import compare as compare_by_title
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
 from jotlight.evaluation.request import AnyMethod
+from jotlight.evaluation.run_methods import select_methods
 from jotlight.files import atomic_write, check_outputs
 from jotlight.images.io import read_image
 from jotlight.networks.architectures import QUALITIES

@@ -8,8 +8,8 @@ from cyclopts import Parameter
 from jotlight.cli.compare import run_comparison
 from jotlight.cli.console import report
 from jotlight.datasets import PHOTOGRAPHS, photograph
-from jotlight.evaluation.compare import select_methods
 from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.run_methods import select_methods
 from jotlight.sensing.sensor import Sensor
 
 

@@ -16,5 +16,5 @@ In reading order:
   for three channels. ``known_errors``: the errors behind an interval. ``known_estimate`` checks an
   estimate of the caller.
 - ``evaluate``: one method on many images.
-- ``compare``, ``comparison``: many methods on one image.
+- ``run_methods``, ``compare``: many methods on one image.
 """

@@ -1,131 +1,230 @@
-"""Comparison of many methods on one image."""
+"""One call that compares methods, also those of the caller, on the bits of one image."""
 
 import dataclasses
-import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-import jotlight.metrics as metrics
-from jotlight.errors import hide_warnings
-from jotlight.estimators.convergence import IterationCallback, follow_slowest
+from jotlight.checks import as_image
+from jotlight.evaluation.choice import COLOR_NETWORK, TITLES, choose_method
 from jotlight.evaluation.methods import METHODS, Method, find_method
+from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.request import AnyMethod
+from jotlight.evaluation.run_methods import MethodResult, compare_methods, select_methods
+from jotlight.layout import Layout
+from jotlight.networks.color_network import AnyNetwork
+from jotlight.networks.loading import wrong_network
+from jotlight.notebook import card, table_of, text_table
+from jotlight.parameter_names import takes_rng
+from jotlight.progress import Progress, equal_steps, shown_progress
+from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.readings import Readings
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, require_sensor
 
-_SMALL_SIDE = 16
-"""Side of the flat image on which methods first run, in pixels."""
+if TYPE_CHECKING:
+    from jotlight.figures import Figure
+
+COLUMNS = "method", "PSNR", "SSIM", "time"
+"""Titles of the columns of the table."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class MethodResult:
-    """The estimate of one method, its quality, and its computing time."""
+class Comparison:
+    """Estimates of one image by several methods: a table when printed, and a figure."""
 
-    method: str
-    estimate: npt.NDArray[np.float32] = dataclasses.field(repr=False)
-    psnr: float
-    """PSNR in dB, for a peak of 1."""
-    ssim: float | None
-    """SSIM, or None for images smaller than its window."""
-    seconds: float
+    image: npt.NDArray[np.floating]
+    """The true image."""
+    bits: Bits | Readings
+    """Its bits, or readings of several bits."""
+    results: list[MethodResult]
+    """The estimates, their quality, and their computing times."""
+    titles: Mapping[str, str]
+    """Title of each method."""
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return the title, PSNR, SSIM, and computing time of each method as texts."""
+        return [
+            (
+                self.titles[result.method],
+                f"{result.psnr:.2f} dB",
+                "none" if result.ssim is None else f"{result.ssim:.3f}",
+                _format_time(result.seconds),
+            )
+            for result in self.results
+        ]
+
+    def __repr__(self) -> str:
+        return text_table(COLUMNS, self.rows())
+
+    def _repr_html_(self) -> str:
+        return card("Comparison", {}, self.plot().thumbnail()) + table_of(COLUMNS, self.rows())
+
+    def plot(self) -> "Figure":
+        """Return a figure of the image, of its bits, and of all estimates, with enlarged parts."""
+        import jotlight.plots as plots
+
+        sensor, (height, width) = self.bits.sensor, self.image.shape[:2]
+        assert isinstance(sensor, Sensor), "the sensor that exposed the image"
+        panels = [
+            plots.Panel("photograph", f"{height} × {width} pixels", self.image),
+            plots.bits_panel(self.bits, sensor.oversampling),
+        ]
+        for (title, psnr, ssim, seconds), result in zip(self.rows(), self.results, strict=True):
+            text = f"{psnr}   SSIM {ssim}   {seconds}"
+            panels.append(plots.Panel(title, text, result.estimate))
+        heading = f"{sensor.trials} trials per pixel   {sensor!r}"
+        return plots.comparison(panels, heading, white=sensor.max_intensity)
 
 
-def select_methods(sensor: Sensor, names: Sequence[str] | None = None) -> list[str]:
-    """Return the names of the methods to compare, all of which serve the sensor.
+@takes_rng
+def compare(
+    methods: Mapping[str, AnyMethod | None] | Sequence[AnyMethod | None] | AnyMethod | None,
+    image: npt.ArrayLike,
+    sensor: Sensor,
+    *,
+    channel_axis: int | None = None,
+    rng: SeedLike = 0,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Comparison:
+    """Expose an image, and return its estimates by several methods, with their quality.
+
+    PSNR and SSIM are for a peak of 1, also for a brighter image and for another `max_intensity`.
 
     Parameters
     ----------
+    methods : mapping of str, sequence, one method, or None
+        Names of methods, as :func:`jotlight.reconstruct` takes them, networks, and functions
+        ``f(bits, sensor)`` or ``f(bits)``; or a mapping of titles to them, where None is the
+        recommended method. Without a mapping, None: all methods that are installed and serve the
+        sensor. ``network.with_precision("bf16")`` is a network in another precision.
+    image : array_like of float, shape (H, W)
+        Intensities. A sensor with a mosaic needs red, green, and blue, (H, W, 3). With
+        `channel_axis`, other sensors take color images, too.
     sensor : Sensor
-        Sensor of the data.
-    names : sequence of str, optional
-        Names to check and return. Default: all methods that are installed, serve the sensor, and
-        differ from every faster method.
+        Sensor that exposes the image. The white balance of its mosaic is ignored, because the true
+        image has none.
+    channel_axis : int, optional
+        Axis of the image that holds 1 or 3 channels. Default: the last one if the sensor has a
+        mosaic, and else none.
+    rng : int, numpy.random.Generator, or None
+        Seed of the bits.
+    threads : int, optional
+        Number of threads. Default: all.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction. Default: a bar in notebooks.
+
+    Returns
+    -------
+    Comparison
+        Printed, it is a table; ``plot()`` returns a figure.
 
     Raises
     ------
-    ValueError
-        For an unknown name, or a method that does not serve the sensor.
+    TypeError, ValueError
+        When a method is unknown, does not serve the sensor, or returns no image.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import photograph
+    >>> mine = lambda bits: bits.counts() / 16
+    >>> found = compare({"mine": mine, "mle": "mle"}, photograph()[:64, :64], Sensor(frames=16))
+    >>> [result.method for result in found.results]
+    ['mine', 'mle']
     """
-    if names is None:
-        return [
-            name
-            for name, method in METHODS.items()
-            if method.available
-            and method.unsupported_reason(sensor) is None
-            and method.is_distinct(sensor)
-        ]
-    for name in names:
-        if (reason := find_method(name).unsupported_reason(sensor)) is not None:
-            raise ValueError(f"{name}: {reason}")
-    return list(names)
+    require_sensor(sensor, may_differ=True, takes_mosaics=True)
+    sensor = sensor.without_white_balance()
+    pixels = as_image(image)
+    if sensor.mosaic is not None and channel_axis is None and pixels.ndim == 3:
+        channel_axis = -1  # where the mosaic finds the colors
+    layout = Layout.of("image", pixels, channel_axis)
+    if layout.is_stack or layout.number not in (1, 3):
+        raise ValueError(f"image: expected a gray or RGB image, got {_describe(layout)}")
+    known = _named_methods(methods, sensor, is_color=layout.number == 3)
+    names = list(known)
+    with shown_progress(progress, "comparing") as update:
+        begin = equal_steps(update, len(names) + 1)
+        show = begin("drawing bits")
+        bits = sensor.expose(pixels, rng, channel_axis=channel_axis, threads=threads, progress=show)
+        if channel_axis is not None:  # the estimates have the channels last
+            pixels = np.moveaxis(pixels, channel_axis, -1)
+        results = compare_methods(
+            pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
+        )
+        update(1.0)
+    return Comparison(pixels, bits, results, {name: known[name].title for name in names})
 
 
-def compare_methods(
-    image: npt.NDArray[np.floating],
-    bits: Bits | Readings,
-    sensor: Sensor,
-    names: Sequence[str],
-    *,
-    threads: int | None = None,
-    begin: Callable[[str], object] = lambda title: None,
-    methods: Mapping[str, Method] = METHODS,
-) -> list[MethodResult]:
-    """Return the estimate, quality, and computing time of each method on the same bits.
+def default_methods(sensor: Sensor, *, is_color: bool) -> dict[str, str | None]:
+    """Return all methods that are installed and serve a sensor, by their titles.
 
-    Each method first runs on a small image, so that its time does not include loading libraries.
+    The color network is one of them if the image `is_color` and the network serves the sensor.
 
-    Parameters
-    ----------
-    image : ndarray, shape (H, W) or (H, W, C)
-        Ground truth, in units of intensity.
-    bits : Bits or Readings
-        Bits of the image, or readings of several bits.
-    sensor : Sensor
-        Sensor of the bits.
-    names : sequence of str
-        Keys of `methods`.
-    threads : int, optional
-        Number of threads. Default: all.
-    begin : callable, optional
-        Called with the title of each method before it runs. If `begin` returns a function, an
-        iterative method calls this function with its progress in [0, 1].
-    methods : mapping of str to Method, optional
-        Methods by name.
+    Examples
+    --------
+    >>> default_methods(Sensor(frames=8, mosaic="RGGB"), is_color=True)["network, color"] is None
+    True
     """
-    results = []
-    for name in names:
-        method = methods[name]
-        update = begin(method.title)
-        if method.warms_up:
-            _warm_up(method, sensor, image.shape, threads)
-        options: dict[str, Any] = {}
-        if method.iterative and callable(update):
-            options["callback"] = _report_progress(update)
-        start = time.perf_counter()
-        estimate = method.run(bits, sensor, threads=threads, **options)
-        seconds = time.perf_counter() - start
-        ssim = metrics.ssim_or_none(estimate, image, last_channel_axis(image))
-        psnr = metrics.psnr(estimate, image, data_range=1.0)
-        results.append(MethodResult(name, estimate, psnr, ssim, seconds))
-    return results
+    methods: dict[str, str | None] = {METHODS[name].title: name for name in select_methods(sensor)}
+    if is_color and choose_method(sensor, is_color=True).method == COLOR_NETWORK:
+        methods[TITLES[COLOR_NETWORK]] = None
+    return methods
 
 
-def _report_progress(update: Callable[[float], object]) -> IterationCallback:
-    return follow_slowest(lambda step: update(step.progress))
+def _named_methods(methods: object, sensor: Sensor, *, is_color: bool) -> dict[str, Method]:
+    """Return the methods to compare, all of which serve the sensor, by the names of the results."""
+    if methods is None:
+        defaults = default_methods(sensor, is_color=is_color).items()
+        return {name or COLOR_NETWORK: _as_method(title, name, sensor) for title, name in defaults}
+    if isinstance(methods, Mapping):
+        names, values = [str(title) for title in methods], list(methods.values())
+        titles = names
+    else:
+        values = list(methods) if isinstance(methods, list | tuple) else [methods]
+        names = [each if isinstance(each, str) else _name_of(each) for each in values]
+        titles = [METHODS[name].title if name in METHODS else name for name in names]
+    if not values:
+        raise ValueError("methods: expected at least one, got none")
+    if len(set(names)) < len(names):
+        raise ValueError(
+            f"methods: expected different titles, got {', '.join(names)}; pass a mapping of "
+            "titles to methods, such as {'mine': function}"
+        )
+    select_methods(sensor, [value for value in values if isinstance(value, str)])
+    each = zip(names, titles, values, strict=True)
+    return {name: _as_method(title, value, sensor) for name, title, value in each}
 
 
-def _warm_up(method: Method, sensor: Sensor, shape: tuple[int, ...], threads: int | None) -> None:
-    """Run a method on a flat image of 16 x 16 pixels, if the image is that large."""
-    if min(shape[:2]) < _SMALL_SIDE:
-        return
-    small = sensor.without_maps()
-    if small.mosaic is not None:
-        small = small.replace(mosaic=small.mosaic.crop(range(_SMALL_SIDE), range(_SMALL_SIDE)))
-    flat = np.full((_SMALL_SIDE, _SMALL_SIDE, *shape[2:]), small.max_intensity / 2)
-    bits = small.expose(flat, rng=0, channel_axis=last_channel_axis(flat), threads=threads)
-    with hide_warnings():
-        method.run(bits, small, threads=threads)
+def _name_of(method: object) -> str:
+    """Return the name of a function, or the type of another object; None is the recommended one."""
+    if method is None:
+        return "recommended"
+    return str(getattr(method, "__name__", type(method).__name__))
+
+
+def _describe(layout: Layout) -> str:
+    """Return the number of channels, or the axes of a stack."""
+    return f"a stack {layout.shape}" if layout.is_stack else f"{layout.number} channels"
+
+
+def _as_method(title: str, method: AnyMethod | None, sensor: Sensor) -> Method:
+    """Return a method with a title."""
+    if isinstance(method, str) and sensor.has_plain_bits and sensor.mosaic is None:
+        return dataclasses.replace(find_method(method), title=title)
+    if not (method is None or isinstance(method, str | AnyNetwork) or callable(method)):
+        raise TypeError(
+            f"methods: expected the name of a method, a network, or a function for {title!r}, got "
+            f"{wrong_network(method) or repr(method)[:80]}"
+        )
+    # A function of the caller may count its calls, or work for one size of images only.
+    is_own = callable(method) and not isinstance(method, AnyNetwork)
+    return Method(title, partial(reconstruct, method=method), warms_up=not is_own)
+
+
+def _format_time(seconds: float) -> str:
+    return f"{1000 * seconds:.1f} ms" if seconds < 1 else f"{seconds:.2f} s"
