@@ -26,6 +26,8 @@ def test_the_default_is_the_shipped_network(sensor):
     assert (choice.method, choice.quality) == (DEFAULT_METHOD, "medium")
     assert choice.title == "network, medium"
     assert choice.notes == ()
+    assert not choice.is_requested
+    assert choice.reason == f"recommended for {sensor.trials:,} trials per pixel"
 
 
 def test_many_trials_get_the_blend_on_held_out_bits():
@@ -37,6 +39,7 @@ def test_a_request_is_kept(name):
     choice = choose_method(SENSOR, requested=name)
     assert choice.method == name
     assert choice.title == METHODS[name].title
+    assert (choice.is_requested, choice.reason) == (True, "requested")
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -55,6 +58,7 @@ def test_a_network_of_the_caller_comes_first(network, has_fixed_range):
     assert (choice.method, choice.quality) == (OWN_NETWORK, None)
     assert choice.has_fixed_range == has_fixed_range
     assert choice.title == "network, own"
+    assert choice.is_requested
 
 
 @pytest.mark.parametrize("name", ["mle", "admm-tv", "network-medium"])

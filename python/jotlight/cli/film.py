@@ -146,7 +146,7 @@ def film(
 
 def _by_film_network(job: Reconstruction) -> Reconstruction:
     """Return a reconstruction whose title is that of the film network."""
-    if job.choice.reason == "requested" or job.settings.keys() - {"precision"}:
+    if job.choice.is_requested or job.settings.keys() - {"precision"}:
         raise ValueError(
             "recurrent: the film network is a method of its own; leave out --method, --quality, "
             "--model, and their options"

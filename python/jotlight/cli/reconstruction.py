@@ -121,7 +121,7 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
     demosaicing = job.settings.get("demosaicing")
     others = job.settings.keys() - {"demosaicing", "precision"}
     is_default = demosaicing not in DEMOSAICING and not others
-    if job.choice.reason == "requested" or not is_default:
+    if job.choice.is_requested or not is_default:
         return job
     if merged is None:
         takes = takes_capture(job.captured)

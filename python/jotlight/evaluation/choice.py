@@ -99,10 +99,20 @@ class Choice:
     """Whether the method is a network that was trained for one S."""
     saturation: float | None
     """Intensity at which the bits saturate, if a network's fixed S is below it; otherwise None."""
-    reason: str
-    """Why the method was chosen."""
+    recommended_for: str | None
+    """What the method was recommended for, or None if the caller requested it."""
     notes: tuple[str, ...]
     """Assumptions to report."""
+
+    @property
+    def is_requested(self) -> bool:
+        """Whether the caller requested the method."""
+        return self.recommended_for is None
+
+    @property
+    def reason(self) -> str:
+        """Why the method was chosen, as a text."""
+        return "requested" if self.is_requested else f"recommended for {self.recommended_for}"
 
     @property
     def title(self) -> str:
@@ -155,7 +165,7 @@ def choose_method(
     >>> choose_method(Sensor(frames=10_000)).method
     'held-out'
     """
-    reason = "requested"
+    recommended_for = None
     if network is not None:
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
@@ -163,8 +173,8 @@ def choose_method(
         default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
         method = requested or (LARGE_METHOD if takes_blend(sensor, trials) else default)
         if requested is None:
-            kind = "colors" if method == COLOR_NETWORK else f"{trials:,.0f} trials per pixel"
-            reason = f"recommended for {kind}"
+            each = f"{trials:,.0f} trials per pixel"
+            recommended_for = "colors" if method == COLOR_NETWORK else each
         quality = None if method == COLOR_NETWORK else METHODS[method].quality
         # K-conditioned networks serve any S. Networks for one K were trained for S = 1.
         has_fixed_range = quality is not None and not uses_conditional(sensor, quality)
@@ -186,7 +196,7 @@ def choose_method(
         max_intensity,
         has_fixed_range,
         limit,
-        reason,
+        recommended_for,
         tuple(notes),
     )
 
