@@ -175,8 +175,8 @@ def test_a_network_for_darker_scenes_has_a_note():
         image = made(viewed, range(16), "network-small")
     assert image.image.max() == 1
     assert notes == [
-        "the scene reaches the largest intensity 1 of this network, so brighter pixels are "
-        "clipped; the quality medium reaches 3.47, where the bits saturate"
+        "the scene reaches the largest intensity 1 of the network, so brighter pixels are "
+        'clipped; quality="medium" (--quality medium) reaches 3.47, where the bits saturate'
     ]
     with collected() as notes:
         made(viewed, range(16), "network-medium")

@@ -5,6 +5,7 @@ from typing import TypeVar
 
 from jotlight.cli.console import caution
 from jotlight.evaluation.choice import Choice
+from jotlight.evaluation.clipping import clipping_of
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
 from jotlight.motion.jot_kinds import without_kinds
@@ -19,9 +20,6 @@ T = TypeVar("T")
 _DIM = 0.7
 """Brightness of a scene below which the shipped networks lose quality."""
 
-_CLIPPED = 0.98
-"""Fraction of the largest intensity above which an estimate counts as clipped."""
-
 
 def range_advice(choice: Choice, maximum: float, brightness: float) -> str | None:
     """Return a remark where the range of a network does not fit the scene, or None.
@@ -35,12 +33,9 @@ def range_advice(choice: Choice, maximum: float, brightness: float) -> str | Non
     brightness : float
         Brightness of the estimate: all but 0.1 % of the pixels are darker.
     """
+    if (remark := clipping_of(choice, maximum)) is not None:
+        return remark
     is_shipped = choice.quality is not None
-    if choice.saturation is not None and maximum > _CLIPPED * choice.max_intensity:
-        return (
-            f"the scene reaches the largest intensity {choice.max_intensity:g} of the network; "
-            f"--quality {DEFAULT_SIZE} reaches {choice.saturation:.3g}, where the bits saturate"
-        )
     if is_shipped and choice.has_fixed_range and brightness < _DIM:
         return (
             f"the network {choice.quality} is for scenes with a brightness of 1, and the "

@@ -1,9 +1,11 @@
-"""The warning about estimates that the largest intensity clips."""
+"""The warnings about estimates that the largest intensity clips."""
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.evaluation.choice import Choice
+from jotlight.networks.pretrained import DEFAULT_SIZE
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -12,6 +14,9 @@ _PIXELS_AT_ONCE = 1 << 18
 
 _MAX_CLIPPED = 0.9
 """Fraction of pixels at the largest intensity above which a warning is issued."""
+
+_NEAR_LARGEST = 0.98
+"""Fraction of the largest intensity of a network above which an estimate counts as clipped."""
 
 
 def largest_colors(sensor: Sensor) -> npt.NDArray[np.float32]:
@@ -47,3 +52,31 @@ def warn_about_clipping(estimate: npt.NDArray[np.float32], sensor: Sensor) -> No
             f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be "
             "brighter"
         )
+
+
+def clipping_of(choice: Choice, maximum: float) -> str | None:
+    """Return a remark if a network is for smaller intensities than those of the scene, or None.
+
+    Parameters
+    ----------
+    choice : Choice
+        Method of the estimate.
+    maximum : float
+        Largest value of the estimate.
+
+    Examples
+    --------
+    >>> from jotlight.evaluation.choice import choose_method
+    >>> choice = choose_method(Sensor(frames=16), requested="network-small", is_range_known=False)
+    >>> clipping_of(choice, 0.9) is None
+    True
+    >>> clipping_of(choice, 1.0)
+    'the scene reaches the largest intensity 1 of the network, so brighter pixels are clipped; ...'
+    """
+    if choice.saturation is None or maximum <= _NEAR_LARGEST * choice.max_intensity:
+        return None
+    return (
+        f"the scene reaches the largest intensity {choice.max_intensity:g} of the network, so "
+        f'brighter pixels are clipped; quality="{DEFAULT_SIZE}" (--quality {DEFAULT_SIZE}) reaches '
+        f"{choice.saturation:.3g}, where the bits saturate"
+    )

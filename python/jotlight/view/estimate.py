@@ -10,6 +10,7 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
+from jotlight.evaluation.clipping import clipping_of
 from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import CountStack
@@ -19,7 +20,6 @@ from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.merge import merge
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
-from jotlight.networks.pretrained import DEFAULT_SIZE
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
@@ -37,9 +37,6 @@ Counts = npt.NDArray[np.integer]
 
 DEMOSAICING = "differences"
 """How the planes of a mosaic become an image. It needs no extra."""
-
-_CLIPPED = 0.98
-"""Fraction of the largest intensity above which an estimate counts as clipped."""
 
 _MAX_BRIEF_PIXELS = 1 << 20
 """Number of pixels whose maximum likelihood one thread finds in a few milliseconds."""
@@ -212,18 +209,9 @@ def estimate(
         **options,
     )
     seconds = time.perf_counter() - start
-    _warn_about_clipping(choice, image)
+    if (remark := clipping_of(choice, float(image.max()))) is not None:
+        warn(remark)
     return Estimate(image, counts, trials, sensor, method, info.title, seconds, data, counted)
-
-
-def _warn_about_clipping(choice: Choice, image: Image) -> None:
-    """Issue a warning if a network is for smaller intensities than those of the scene."""
-    if choice.saturation is not None and image.max() > _CLIPPED * choice.max_intensity:
-        warn(
-            f"the scene reaches the largest intensity {choice.max_intensity:g} of this network, so "
-            f"brighter pixels are clipped; the quality {DEFAULT_SIZE} reaches "
-            f"{choice.saturation:.3g}, where the bits saturate"
-        )
 
 
 def _live_counts(
