@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -114,33 +114,53 @@ def reconstruct_mosaic(
             "each, got color channels; sensor.replace(mosaic=None) is a sensor of color channels"
         )
     counted = [count_image(one, gray, threads, mosaic) for one in images.data]
-    largest = largest_colors(sensor)
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
-    found: list[Image] = []
-    infos: list[Info] = []
     if estimate is None or isinstance(estimate, ColorNetwork):
-        network = estimate or pretrained_color(MOSAIC_FILE)
-        network = network if precision is None else network.with_precision(precision)
-        start_network = pretrained_conditional(gray, COLOR_START)
-        networks = network, start_network.with_precision(network.precision)
-    for each in counted:
-        if estimate is None or isinstance(estimate, ColorNetwork):
-            colors = estimate_mosaic(*networks, each, mosaic, threads)
-        else:
-            values, weights, infos_of_one = estimate_values(each, mosaic, estimate)
-            colors = demosaic(values, mosaic, method, weights).astype(np.float32)
-            infos += infos_of_one
-        np.clip(colors, 0, largest, out=colors)
-        found.append(np.moveaxis(colors, -1, 0))
-    seconds = time.perf_counter() - start
-    if estimate is None:
-        title = METHOD_TITLES[COLOR_NETWORK]
-        info = Info(COLOR_NETWORK, title, "recommended for mosaics", seconds)
-    elif isinstance(estimate, ColorNetwork):
-        info = Info(OWN_NETWORK, METHOD_TITLES[OWN_NETWORK], "requested", seconds)
+        colors, info = _by_color_network(counted, mosaic, gray, estimate, precision, threads)
     else:
-        info = join_infos(infos, TITLES[method], seconds)
-    return output.finish(np.concatenate(found)), info
+        colors, info = _by_planes(counted, mosaic, estimate, method)
+    largest = largest_colors(sensor)
+    for each in colors:
+        np.clip(each, 0, largest, out=each)
+    info = dataclasses.replace(info, seconds=time.perf_counter() - start)
+    return output.finish(np.concatenate([np.moveaxis(each, -1, 0) for each in colors])), info
+
+
+def _by_color_network(
+    counted: Sequence[PixelCounts],
+    mosaic: Mosaic,
+    gray: Sensor,
+    own: ColorNetwork | None,
+    precision: str | None,
+    threads: int | None,
+) -> tuple[list[Image], Info]:
+    """Return the colors of each image by the caller's color network, or by the shipped one.
+
+    How they were made is without its time.
+    """
+    network = own or pretrained_color(MOSAIC_FILE)
+    network = network if precision is None else network.with_precision(precision)
+    start = pretrained_conditional(gray, COLOR_START).with_precision(network.precision)
+    colors = [estimate_mosaic(network, start, each, mosaic, threads) for each in counted]
+    name = COLOR_NETWORK if own is None else OWN_NETWORK
+    reason = "recommended for mosaics" if own is None else "requested"
+    return colors, Info(name, METHOD_TITLES[name], reason, 0.0)
+
+
+def _by_planes(
+    counted: Sequence[PixelCounts], mosaic: Mosaic, estimate: EstimatePlanes, method: str
+) -> tuple[list[Image], Info]:
+    """Return the colors of each image by estimates of gray planes and a demosaicing method.
+
+    How they were made is without its time.
+    """
+    colors: list[Image] = []
+    infos: list[Info] = []
+    for each in counted:
+        values, weights, infos_of_one = estimate_values(each, mosaic, estimate)
+        colors.append(demosaic(values, mosaic, method, weights).astype(np.float32))
+        infos += infos_of_one
+    return colors, join_infos(infos, TITLES[method], 0.0)
 
 
 def count_image(
