@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.capture import CountStack
-from jotlight.sensing.provenance import Provenance
+from jotlight.view.alignment import merge_window
 from jotlight.view.counted import EQUIVALENT, ONES, counted_by
-from jotlight.view.estimate import alignment_reason, estimate, fraction_at, merge_window
+from jotlight.view.estimate import estimate, fraction_at
 from jotlight.view.facts import describe_capture
 from jotlight.view.overlays import DEAD, JotMap, find_errors, find_saturated
 from jotlight.view.running_counts import RunningCounts
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.timeline import firing_rates
-from jotlight.view.viewed import FramesGoneError, Viewed
+from jotlight.view.viewed import Viewed
 from moving import in_memory
 
 PHOTO = jl.datasets.photograph("camera")[100:124, 180:212]
@@ -101,27 +100,6 @@ def test_methods_that_do_not_take_the_readings_state_why():
             assert "other than plain bits" in reasons[refused]
             with pytest.raises(ValueError, match="expected"):
                 jl.reconstruct(viewed_of(sensor).data, method=refused)
-
-
-def test_what_cannot_be_aligned_states_why():
-    assert alignment_reason(viewed_of(BRACKET)) is None
-    jots = viewed_of(SEVERAL.replace(oversampling=2, frames=3))
-    assert "expected pixels of one jot" in describe_capture(jots)["align_reason"]
-    counts = CountStack(np.ones((6, 8, 8), np.uint8), Provenance("npy", "a.npy"), trials=40)
-    pixels = Viewed("a.npy", counts, jl.Sensor(oversampling=2, frames=60))
-    reason = describe_capture(pixels)["align_reason"]
-    assert "pixels; pass oversampling=1 (--oversampling 1) and frames=240" in reason
-    with pytest.raises(ValueError, match="two cycles of exposures or more, which are 6 frames"):
-        merge_window(viewed_of(BRACKET), range(3, 6), "mle")
-
-
-def test_plain_bits_can_be_aligned_whatever_frames_have_left_memory():
-    class Gone(Viewed):
-        def part(self, frames):
-            raise FramesGoneError
-
-    bits = jl.Sensor(frames=8).expose(PHOTO, rng=0)
-    assert alignment_reason(Gone("live", bits, bits.sensor)) is None
 
 
 @functools.cache

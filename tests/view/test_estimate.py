@@ -13,8 +13,9 @@ from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import display_levels
 from jotlight.images.tone import CURVES, Tone
+from jotlight.view.alignment import merge_window
 from jotlight.view.display import display, display_difference, fit_white
-from jotlight.view.estimate import estimate, fraction_at, merge_window, recommend
+from jotlight.view.estimate import estimate, fraction_at, recommend
 from jotlight.view.facts import describe_capture
 from jotlight.view.notes import collected
 from jotlight.view.overlays import DEAD, HOT, JotMap, error_levels, find_errors, find_saturated
@@ -262,19 +263,6 @@ def test_errors_are_those_of_the_library():
     np.testing.assert_allclose(
         levels[shown] * facts["largest"] / 255, known[shown], atol=facts["largest"] / 255
     )
-
-
-@pytest.mark.slow
-def test_an_aligned_window_equals_that_of_the_library():
-    scene = jl.datasets.moving(
-        motion="shake", sensor=jl.Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0
-    )
-    viewed = Viewed.from_data(scene.bits)
-    merged, _ = merge_window(viewed, range(32), "mle")
-    expected = jl.merge(scene.bits, motion=jl.align(scene.bits))
-    np.testing.assert_array_equal(merged.ones, expected.ones)
-    image = estimate(viewed, range(32), "mle", scene.bits.counts(), merged)
-    np.testing.assert_array_equal(image.image, jl.mle(expected))
 
 
 @pytest.mark.parametrize(("ending", "tolerance"), [("png", 0.6 / 65535), ("tif", 0), ("exr", 0)])

@@ -21,7 +21,7 @@ from jotlight.napari.lazy import (
 )
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic
-from jotlight.view.estimate import merge_window
+from jotlight.view.alignment import merge_window
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewed
 

@@ -4,7 +4,7 @@ In reading order:
 
 - ``viewed``, ``state``: a capture as it is viewed, and the controls of the page. ``counted``: what
   its counts are called, such as ones or sums of readings.
-- ``pipeline``: from a request to images, by ``running_counts``, ``estimate``,
+- ``pipeline``: from a request to images, by ``running_counts``, ``alignment``, ``estimate``,
   ``overlays``, and ``display``.
 - ``session``, ``workshop``, ``messages``, ``notes``: the connection of a page, and what connections
   share. ``timeline``, ``facts``, ``recipe``, ``saving``: what else the page shows and saves.

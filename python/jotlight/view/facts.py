@@ -9,8 +9,9 @@ from jotlight.evaluation.choice import COLOR_NETWORK, TITLES
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.tone import CURVES
 from jotlight.sensing.sensor import Sensor
+from jotlight.view.alignment import alignment_reason
 from jotlight.view.counted import counted_by
-from jotlight.view.estimate import alignment_reason, choose, recommend
+from jotlight.view.estimate import choose, recommend
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewable, whole_cycles
 

@@ -11,8 +11,9 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.sensing.merged import Merged
+from jotlight.view.alignment import merge_window
 from jotlight.view.display import display, display_difference, fit_white
-from jotlight.view.estimate import Estimate, choose, estimate, fraction_estimate, merge_window
+from jotlight.view.estimate import Estimate, choose, estimate, fraction_estimate
 from jotlight.view.messages import encode
 from jotlight.view.notes import collected
 from jotlight.view.overlays import error_levels, find_errors, find_saturated

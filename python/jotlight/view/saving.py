@@ -21,8 +21,9 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
+from jotlight.view.alignment import merge_window
 from jotlight.view.display import display_difference, displayable, fit_white, tone_of
-from jotlight.view.estimate import DEMOSAICING, Estimate, choose, estimate, merge_window
+from jotlight.view.estimate import DEMOSAICING, Estimate, choose, estimate
 from jotlight.view.running_counts import RunningCounts
 from jotlight.view.state import COUNTS, ViewState
 from jotlight.view.viewed import Frames, Viewable
