@@ -11,7 +11,6 @@ from jotlight.formats.writing import write_capture
 from jotlight.sensing.provenance import Provenance
 from servers import http_server
 
-COLUMNS = "step", "loss", "gradient_norm", "test_psnr", "held_out"
 COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)
 COUNTS[0, :2] = 0, 4
 
@@ -150,36 +149,6 @@ def test_a_damaged_capture_and_a_file_of_another_kind_are_not_verified(run, tmp_
         assert output.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    "history",
-    [
-        {"run": 5, "records": {}},
-        {"run": {}, "records": [1]},
-        {"run": 5, "records": {name: [0] for name in COLUMNS}},
-        {"run": {}, "records": {name: [] for name in COLUMNS}},
-        {"run": {}, "records": {name: ["a"] for name in COLUMNS}},
-        {"run": {}, "records": {name: [10**400] for name in COLUMNS}},
-        {"fine tuning": {"run": [], "records": None}},
-    ],
-    ids=str,
-)
-def test_a_network_with_a_damaged_history_is_refused(run, history):
-    jl.Network(jl.Network.initial(jl.Sensor()).layers, jl.Sensor(), history).save("a.safetensors")
-    for options in ([], ["--plot", "b.png"]):
-        status, output = run("info", "a.safetensors", *options)
-        assert status == 1
-        assert output.startswith("error: a.safetensors: history: expected")
-        assert output.count("\n") == 1
-
-
-@pytest.mark.parametrize("history", [{"fine tuning": 3}, {"run": {}}, {"records": 1}], ids=str)
-def test_a_network_without_records_of_a_run_has_no_plot(run, history):
-    jl.Network(jl.Network.initial(jl.Sensor()).layers, jl.Sensor(), history).save("a.safetensors")
-    assert run("info", "a.safetensors")[0] == 0
-    status, output = run("info", "a.safetensors", "--plot", "b.png")
-    assert (status, "no history of a training run" in output) == (1, True)
-
-
 def test_a_capture_at_a_url_is_described(run, tmp_path):
     pytest.importorskip("fsspec", reason="no URLs: pip install 'jotlight[dask]'")
     jl.save(jl.Sensor(frames=40).expose(np.full((16, 24), 0.4), rng=0), tmp_path / "a.npy")
@@ -202,21 +171,6 @@ def test_results_name_the_mosaic_by_its_letters(run, tmp_path):
     status, output = run("info", "a.tif")
     assert status == 0
     assert "mosaic=Mosaic('GRBG')" in " ".join(output.split())
-
-
-@pytest.mark.parametrize(
-    ("network", "kind", "start"),
-    [
-        (jl.ColorNetwork, "color network", "starts at classical colors"),
-        (jl.FilmNetwork, "film network", "starts at the gray network"),
-    ],
-)
-def test_networks_of_other_kinds_are_described(run, tmp_path, network, kind, start):
-    network.initial("small", rng=0).save(tmp_path / "network.safetensors")
-    status, output = run("info", "network.safetensors")
-    assert status == 0
-    assert kind in output
-    assert start in output
 
 
 def test_a_motion_is_described_and_drawn(run, tmp_path):

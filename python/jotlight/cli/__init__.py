@@ -12,7 +12,7 @@ In reading order:
 - Steps of ``reconstruct`` and ``film``: ``inputs``, ``captured``, ``applied_calibration``,
   ``reconstruction``, ``color_choice``, ``advice``, ``jot_checks``, ``records``.
 - ``many``, ``capture_jobs``: runs over many captures. ``run_notes``: what they assume.
-- Parts of ``info``: ``capture_facts``, ``origins``.
+- Parts of ``info``: ``capture_facts``, ``network_facts``, ``origins``.
 - Steps of ``train`` and ``fine-tune``: ``learners``, ``training_data``, ``training_run``.
 - Terminal: ``console`` for output, ``signals`` for termination, ``examples`` for help pages.
 """

@@ -5,7 +5,7 @@ import os
 import re
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import IO, Any, Protocol, TextIO
 
 from rich.markup import escape
@@ -61,6 +61,17 @@ _PYTHON_ADVICE = re.compile(r"(?:jotlight\.\w+\(.*?\)|[\w.]+[=\[(]\S*) \((--[^()
 def with_options_only(message: str) -> str:
     """Return a message whose advice names the option instead of the Python parameter."""
     return _PYTHON_ADVICE.sub(r"\1", message)
+
+
+def shape_text(shape: Iterable[int]) -> str:
+    """Return the shape of an array as a text.
+
+    Examples
+    --------
+    >>> shape_text((24, 30))
+    '24 x 30'
+    """
+    return " x ".join(map(str, shape))
 
 
 def report(*lines: str) -> None:

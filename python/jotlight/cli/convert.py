@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from jotlight._engine import __version__
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import check_outputs_of, provenance_notes
-from jotlight.cli.console import progress, report
+from jotlight.cli.console import progress, report, shape_text
 from jotlight.cli.run_options import CapturePaths, RunOptions, name_output
 from jotlight.dask.jobs import conversion_record, conversion_text
 from jotlight.dask.records import read_json
@@ -141,7 +141,7 @@ def _write(opened: Capture, output: Path, name: str) -> str:
         counts = opened.sum(update)
         trials, provenance = opened.total_trials, opened.provenance
         write_capture(counts, output, name, trials=trials, provenance=provenance)
-        size = " x ".join(map(str, counts.shape))
+        size = shape_text(counts.shape)
         return f"<counts: {size}, {counts.min()} to {counts.max()}>"
 
 

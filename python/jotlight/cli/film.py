@@ -15,7 +15,7 @@ from jotlight.cli.advice import caution_about_motion, representatives
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.color_choice import has_colors, without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, Threads, convert_file
-from jotlight.cli.console import progress, report
+from jotlight.cli.console import progress, report, shape_text
 from jotlight.cli.inputs import Inputs, Reconstruction
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
@@ -208,7 +208,7 @@ def _write(
     each = job.captured.sensor.frames // outputs.window
     report(
         f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
-        f"{' x '.join(map(str, image.shape))} from {_amount(data, outputs.window, each)} each"
+        f"{shape_text(image.shape)} from {_amount(data, outputs.window, each)} each"
         f"{' and from those before that agree' if has_memory and summary.accepted else ''}, "
         f"values {scale * minimum:.3g} to {scale * maximum:.3g} ({_display(outputs, tone)}), by "
         f"{job.choice.title} in {seconds:.3g} s"

@@ -1,7 +1,7 @@
 """``jotlight info``: the contents of a file."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,8 +15,9 @@ from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.common_options import convert_file
-from jotlight.cli.console import out, progress, with_options_only
+from jotlight.cli.console import out, progress, shape_text, with_options_only
 from jotlight.cli.jot_checks import jot_remarks
+from jotlight.cli.network_facts import layers_table, network_facts, training_runs
 from jotlight.cli.origins import film_facts, origin_facts, verify_video, video_facts
 from jotlight.files import check_outputs
 from jotlight.formats import open_capture
@@ -32,26 +33,16 @@ from jotlight.images.io import read_image
 from jotlight.layout import is_single_image
 from jotlight.motion.motion import FORMAT as MOTION
 from jotlight.motion.motion import Motion
-from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.film_network import FilmNetwork
-from jotlight.networks.graph import flops_per_pixel
-from jotlight.networks.layer import Layer
 from jotlight.networks.loading import load_network
-from jotlight.networks.network import Network
-from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import stored_format
-from jotlight.training import History
 
 _LOADERS: dict[str, Callable[[Path], Calibration | Motion]] = {
     CALIBRATION: Calibration.load,
     MOTION: Motion.load,
 }
 """The kinds of `.safetensors` files that hold no network, by the format that they state."""
-
-_KINDS: dict[type, str] = {ColorNetwork: "color network", FilmNetwork: "film network"}
-"""Kinds of networks. All others are plain networks."""
 
 
 def info(
@@ -92,7 +83,7 @@ def info(
         _draw(path, plot)
     out.print(_table([*_facts(path, capture), *verified]))
     if path.suffix.lower() == ".safetensors" and stored_format(path) not in _LOADERS:
-        out.print(_layers(load_network(path).layers))
+        out.print(layers_table(load_network(path).layers))
 
 
 def _table(rows: list[tuple[str, str]]) -> Table:
@@ -131,7 +122,7 @@ def _draw(file: Path, plot: Path) -> None:
         plots.save_figure(load(file).plot(), plot)
         return
     network = load_network(file)
-    runs = _training_runs(file, network)
+    runs = training_runs(file, network)
     if not runs:
         raise ValueError(f"{file}: this network has no history of a training run to draw")
     check_outputs([plot], [file])
@@ -144,7 +135,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     if ending == ".safetensors":
         if load := _LOADERS.get(stored_format(file)):
             return _facts_of(load(file))
-        return _network_facts(file, load_network(file))
+        return network_facts(file, load_network(file))
     if file.is_dir() and (video := video_facts(file)):
         return video
     if not _has_capture_options(capture) and (film := film_facts(file)):
@@ -166,11 +157,16 @@ def _content_facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]
             arrays = describe_npz_arrays(file)
             if len(arrays) > 1 or not _may_be_capture(*next(iter(arrays.values()))):
                 facts = [
-                    (name, f"{dtype}, {_by(shape)}") for name, (shape, dtype) in arrays.items()
+                    (name, f"{dtype}, {shape_text(shape)}")
+                    for name, (shape, dtype) in arrays.items()
                 ]
                 return [("kind", "archive of arrays"), *facts]
         if ending == ".npy" and (stored := open_npy_array(file)).dtype.kind not in "biu":
-            return [("kind", "array"), ("shape", _by(stored.shape)), *_range(np.asarray(stored))]
+            return [
+                ("kind", "array"),
+                ("shape", shape_text(stored.shape)),
+                *_range(np.asarray(stored)),
+            ]
         if _is_image(file):
             return _image_facts(file)
     return _capture_facts(capture.open(file))
@@ -183,7 +179,7 @@ def _may_be_capture(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bool:
 
 def _image_facts(file: Path) -> list[tuple[str, str]]:
     image = read_image(file)
-    size = ("shape", _by(image.shape))
+    size = ("shape", shape_text(image.shape))
     try:
         capture = open_capture(file)
     except (OSError, ValueError):  # color images and floats are no captures
@@ -231,7 +227,13 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
         jots = [] if trials is None else jot_remarks(counts, trials, Sensor(frames=trials))
         facts = [("kind", "counts"), ("format", capture.provenance.format)]
         facts += [("images", str(number))] if number > 1 else []
-        return [*facts, ("shape", _by(counts.shape)), *_range(counts), *notes(capture), *jots]
+        return [
+            *facts,
+            ("shape", shape_text(counts.shape)),
+            *_range(counts),
+            *notes(capture),
+            *jots,
+        ]
     return [*bits_facts(capture), *notes(capture)]
 
 
@@ -242,106 +244,6 @@ def _facts_of(stored: Calibration | Motion) -> list[tuple[str, str]]:
         return [("kind", "motion"), *stored.facts().items()]
     captures = [(name, str(capture)) for name, capture in stored.provenance.items()]
     return [("kind", "calibration"), *captures, *facts(stored)]
-
-
-def _network_facts(file: Path, network: Network | PlanesNetwork) -> list[tuple[str, str]]:
-    layers, history = network.layers, network.history
-    if network.trials_range is None:
-        sensor = repr(network.sensor)
-    else:
-        low, high = network.trials_range
-        sensor = (
-            f"any of {low} trials per pixel or more, {network.sensor.kernel} kernel; trained for "
-            f"{low} to {high}"
-        )
-    flops = network.rotations * flops_per_pixel(layers)
-    facts = [
-        ("kind", _KINDS.get(type(network), "network")),
-        ("sensor", sensor),
-        ("parameters", f"{sum(layer.parameter_count for layer in layers):,}"),
-        ("work", f"{flops / 1000:.3g} kFLOP per pixel"),
-        ("halo", f"{network.halo} pixels"),
-    ]
-    origins = [name for name in ("start", "trained on", "fine-tuned on") if name in history]
-    facts += [(name, str(history[name])) for name in origins]
-    facts += [
-        (name, _describe_run(run, records)) for name, run, records in _training_runs(file, network)
-    ]
-    return facts
-
-
-def _training_runs(
-    file: Path, network: Network | PlanesNetwork
-) -> list[tuple[str, dict[str, Any], History]]:
-    """Return the verb, the settings, and the records of each training run in a network's history.
-
-    Raises
-    ------
-    ValueError
-        When the entries of a run are damaged.
-    """
-    history = network.history
-    runs = []
-    for verb, part in (("trained", history), ("fine-tuned", history.get("fine tuning"))):
-        if not (isinstance(part, dict) and {"run", "records"} <= part.keys()):
-            continue
-        try:
-            records = History.from_json(part["records"])
-        except ValueError as error:
-            raise ValueError(f"{file}: {error}") from error
-        if not (isinstance(part["run"], dict) and records.records):
-            raise ValueError(f"{file}: history: expected the settings and the records of a run")
-        runs.append((verb, part["run"], records))
-    return runs
-
-
-def _layers(layers: Sequence[Layer]) -> Table:
-    """Return a table with a row for each layer. Values of a plain chain of layers stay empty."""
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("layer", "input", "skip", "stride", "up"):
-        table.add_column(name, justify="right")
-    for name in ("filters", "splines", "range"):
-        table.add_column(name)
-    for index, layer in enumerate(layers):
-        wiring = [
-            None if layer.input == index - 1 else layer.input,
-            layer.skip,
-            None if layer.stride == 1 else layer.stride,
-            None if layer.upsampling == 1 else layer.upsampling,
-        ]
-        table.add_row(
-            str(index),
-            *("" if number is None else str(number) for number in wiring),
-            _by(layer.filters.shape),
-            *_splines(layer),
-        )
-    return table
-
-
-def _splines(layer: Layer) -> tuple[str, str]:
-    """Return the shape of the coefficients, and the range of the knots."""
-    if layer.coefficients is None:
-        return "none", ""
-    end = layer.start + layer.spacing * (layer.coefficients.shape[-1] - 3)
-    return _by(layer.coefficients.shape), f"{layer.start:.3g} to {end:.3g}"
-
-
-def _describe_run(run: dict[str, Any], history: History) -> str:
-    text = (
-        f"{history.steps[-1]} steps of {run.get('optimizer')}, seed {run.get('seed')}; cost "
-        f"{history.loss[0]:.4g} to {history.loss[-1]:.4g}"
-    )
-    measured = history.test_psnr[np.isfinite(history.test_psnr)]
-    if len(measured):
-        text += f", test PSNR {measured[0]:.2f} to {measured[-1]:.2f} dB"
-    held_out = history.held_out[np.isfinite(history.held_out)]
-    if len(held_out):
-        text += f", held out {held_out[0]:.5f} to {held_out[-1]:.5f} nats per bit"
-    return text
-
-
-def _by(shape: tuple[int, ...]) -> str:
-    return " x ".join(map(str, shape))
 
 
 def _range(array: np.ndarray) -> list[tuple[str, str]]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.cli.applied_calibration import record_path
+from jotlight.cli.console import shape_text
 from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
 from jotlight.dask.store import PART, open_finished, open_unfinished
@@ -163,7 +164,7 @@ def _provenance(stored: Any) -> Facts:
 
 def _images(shape: Any) -> tuple[str, str]:
     number, *size = shape
-    return "shape", f"{number} images of {' x '.join(map(str, size))}"
+    return "shape", f"{number} images of {shape_text(size)}"
 
 
 def _record_facts(record: dict[str, Any]) -> Facts:
@@ -180,7 +181,7 @@ def _record_facts(record: dict[str, Any]) -> Facts:
 
 
 def _shapes(run: dict[str, Any]) -> Facts:
-    return [(name, " x ".join(map(str, run[name]))) for name in ("bits", "counts") if name in run]
+    return [(name, shape_text(run[name])) for name in ("bits", "counts") if name in run]
 
 
 def _run_facts(run: dict[str, Any]) -> Facts:

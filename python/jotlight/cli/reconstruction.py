@@ -13,7 +13,7 @@ from jotlight.cli.color_choice import (
     takes_capture,
     without_demosaicing,
 )
-from jotlight.cli.console import caution, live_iterations, progress, report
+from jotlight.cli.console import caution, live_iterations, progress, report, shape_text
 from jotlight.cli.inputs import Reconstruction
 from jotlight.cli.motion_options import ImageMotionOptions, describe
 from jotlight.cli.output_options import ImageOutputOptions, describe_tone
@@ -97,7 +97,7 @@ def reconstruct_image(
     display = [f" ({describe_tone(tone)})" for tone in tones]
     preview = "" if outputs.preview is None else display.pop()
     report(
-        f"{outputs.output}: {' x '.join(map(str, estimate.shape))}, {units} "
+        f"{outputs.output}: {shape_text(estimate.shape)}, {units} "
         f"{scale * estimate.min():.3g} to {scale * estimate.max():.3g}{''.join(display)}, by "
         f"{title}{ending} in {seconds:.3g} s"
     )
