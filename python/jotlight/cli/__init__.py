@@ -10,7 +10,7 @@ In reading order:
   ``sensor_options`` with ``sensor_values``, ``method_options``, ``motion_options``,
   ``output_options``, ``run_options``, ``training_options``.
 - Steps of ``reconstruct`` and ``film``: ``inputs``, ``captured``, ``applied_calibration``,
-  ``reconstruction``, ``color_choice``, ``advice``, ``jot_checks``, ``records``.
+  ``reconstruction``, ``film_report``, ``color_choice``, ``advice``, ``jot_checks``, ``records``.
 - ``many``, ``capture_jobs``: runs over many captures. ``run_notes``: what they assume.
 - Parts of ``info``: ``capture_facts``, ``network_facts``, ``origins``.
 - Steps of ``train`` and ``fine-tune``: ``learners``, ``training_data``, ``training_run``.

@@ -1,4 +1,4 @@
-"""Options that name the output files of an image, and their writing."""
+"""Options that name the output files of an image or a film, and the writing of an image."""
 
 import dataclasses
 import json
@@ -9,15 +9,16 @@ import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
-from jotlight.cli.common_options import OUTPUT_PANEL
+from jotlight.cli.common_options import FILM_PANEL, OUTPUT_PANEL
 from jotlight.errors import percent_advice, warn
 from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.records import image_facts, tone_facts
 from jotlight.images.exposure import display_tone
 from jotlight.images.image_stack import stack_writer
-from jotlight.images.io import DISPLAYED, FLOATS, image_writer
+from jotlight.images.io import DISPLAYED, FLOATS, check_depth, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
+from jotlight.images.video import DEFAULT_FPS, check_fps, is_floats
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -126,13 +127,13 @@ class ImageOutputOptions(OutputOptions):
         """Raise ValueError for options that do not belong together."""
         super().check()
         displayed = self.output.suffix.lower() in DISPLAYED
-        is_floats = self.output.suffix.lower() in FLOATS
-        if self.curve is not None and self.preview is None and is_floats:
+        floats = self.output.suffix.lower() in FLOATS
+        if self.curve is not None and self.preview is None and floats:
             raise ValueError(
                 f"curve: is for a .png or .jpg, not for the floats of {self.output}; --preview "
                 "writes an image for display in addition"
             )
-        if self.white is not None and self.preview is None and is_floats:
+        if self.white is not None and self.preview is None and floats:
             raise ValueError(f"white: is for a .png or .jpg, not for the floats of {self.output}")
         if self.preview is not None and self.preview.suffix.lower() not in DISPLAYED:
             raise ValueError(
@@ -213,3 +214,56 @@ class ImageOutputOptions(OutputOptions):
         `largest` is the largest intensity, if it is stated.
         """
         return largest if self.white is None and self.curve is None else self.white
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FilmOptions(OutputOptions):
+    """Windows of frames, one for each image of a film, and the file to write."""
+
+    output: Annotated[
+        Path,
+        Parameter(
+            alias="-o",
+            help="A .mp4, a .gif, or a name without ending for a new folder of .png, for display; "
+            "a .npy or .tif for a stack of floats that are never clipped.",
+        ),
+    ]
+    window: Annotated[
+        int,
+        Parameter(
+            group=FILM_PANEL,
+            help="Number of frames of each image of the film. For a stack of counts, the number of "
+            "its images, whatever their frames.",
+        ),
+    ]
+    step: Annotated[
+        int | None,
+        Parameter(
+            group=FILM_PANEL,
+            help="Frames, or images of a stack of counts, from one window to the next. Default: "
+            "the size of a window.",
+        ),
+    ] = None
+    fps: Annotated[
+        float, Parameter(group=FILM_PANEL, help="Images per second of a .mp4 or .gif, from 0.01.")
+    ] = DEFAULT_FPS
+
+    def check(self) -> None:
+        """Raise ValueError or OSError for options that do not suit a film."""
+        super().check()
+        floats = is_floats(self.output)
+        if self.units != "intensity" and not floats:
+            raise ValueError(
+                f"units: are for floats, .npy or .tif, and {self.output} is for display"
+            )
+        if self.curve is not None and floats:
+            raise ValueError(f"curve: is for display, not for the floats of {self.output}")
+        if self.white is not None and floats:
+            raise ValueError(f"white: is for display, not for the floats of {self.output}")
+        # A name without ending is that of a folder of .png.
+        check_depth(self.output.suffix.lower() or ".png", self.depth, floats=".tif or .npy")
+        check_fps(self.output, self.fps)
+        if self.output.suffix == "" and self.output.exists():
+            raise FileExistsError(
+                f"cannot write {self.output}: it exists already; choose another name"
+            )
