@@ -86,8 +86,7 @@ def all_outcomes(sensor: jl.Sensor, numbers: list[int]) -> tuple[Array, list[Arr
     outcomes = np.indices([number + 1 for number in numbers]).reshape(len(numbers), -1)
     pairs = zip(numbers, outcomes, strict=True)
     ones = np.concatenate([np.arange(number)[:, None] < counts for number, counts in pairs])
-    bits = jl.Bits.from_array(ones[:, None], sensor)
-    bits.tested_for_periods = True
+    bits = jl.Bits.from_array(ones[:, None], sensor).replace(tested_for_periods=True)
     # The interval contains intensities up to S only.
     interval = jl.uncertainty(bits, sensor.replace(max_intensity=1e6), method="mle")
     estimates = maximize(joint_likelihood(bits, sensor, None))[0]

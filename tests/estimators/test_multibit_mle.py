@@ -170,8 +170,7 @@ def test_the_exact_coverage_of_the_interval_is_at_least_the_stated_one(sensor):
     if sensor.bit_depth > 1:
         data = jl.Readings(outcomes, sensor)
     else:
-        data = jl.Bits.from_array(outcomes, sensor)
-        data.tested_for_periods = True
+        data = jl.Bits.from_array(outcomes, sensor).replace(tested_for_periods=True)
     known = jl.uncertainty(data, method="mle", confidence_level=0.9)
     lights = {
         frame: group.sensor.light_per_intensity

@@ -220,8 +220,7 @@ def test_other_frames_of_a_live_film_are_refused():
 @pytest.mark.parametrize("known", [False, True])
 def test_a_live_film_tests_the_periods_of_its_jots_once(monkeypatch, known):
     _, bits = moving("shake", 64, (128, 128))
-    bits = jl.Bits(bits.packed, bits.width, bits.sensor)
-    bits.tested_for_periods = known
+    bits = bits.replace(tested_for_periods=known)
     tested, find = [], periodic_rates.find_periodic_rates
 
     def counted(counts):

@@ -8,6 +8,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.provenance import Provenance
 from reference.sensing import block_counts
 
 RANDOM = np.random.default_rng(0)
@@ -53,6 +54,18 @@ def test_the_channels_of_color_bits_are_bits_with_the_same_sensor():
     assert [channel.sensor for channel in channels] == [sensor, sensor]
     for index, channel in enumerate(channels):
         np.testing.assert_array_equal(channel.to_array(), array[..., index])
+
+
+def test_parts_of_bits_keep_their_origin_and_need_no_other_test():
+    origin = Provenance("npy", "a.npy")
+    bits = jl.Bits.from_array(random_bits(3, 5, 9, 2)).replace(
+        provenance=origin, tested_for_periods=True
+    )
+    for part in (*bits.channels(), bits[:2], bits.replace(sensor=jl.Sensor(frames=3))):
+        assert part.tested_for_periods
+        assert part.provenance.name == "a.npy"
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frames'"):
+        bits.replace(frames=2)
 
 
 def test_gray_bits_are_their_own_only_channel():

@@ -8,6 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.calibration import find_periodic_rates
 from jotlight.datasets import photograph
+from jotlight.formats.selection import select
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.periodic_rates import PeriodicRates
 
@@ -191,6 +192,18 @@ def test_readings_of_several_bits_are_tested():
     assert find_periodic_rates(readings).period == 2
     with pytest.warns(jl.errors.PeriodicRatesWarning, match="as in RGGB or BGGR"):
         jl.mle(readings)
+
+
+@pytest.mark.parametrize("shape", [(128, 128), (128, 128, 3)])
+def test_simulated_bits_are_not_tested(shape):
+    stripes = np.where(np.arange(128) % 2, 0.3, 0.1)[:, None, None]
+    image = np.broadcast_to(stripes[..., 0] if len(shape) == 2 else stripes, shape)
+    sensor = jl.Sensor(frames=64)
+    bits = sensor.expose(image, rng=0, channel_axis=None if len(shape) == 2 else -1)
+    rotated = select(bits, None, 90, None)
+    for each in (*bits.channels(), *rotated.channels()):
+        jl.mle(each)  # warnings are errors
+    assert find_periodic_rates(bits.channels()[0]).period == 2
 
 
 def test_progress_is_reported_for_readings():

@@ -8,6 +8,7 @@ from scipy import stats
 
 import jotlight as jl
 from jotlight.sensing.multibit import reading_probability
+from jotlight.sensing.provenance import Provenance
 
 IMAGE = np.linspace(0, 1, 30 * 20).reshape(30, 20)
 
@@ -55,6 +56,12 @@ def test_colors_and_stacks_are_independent():
     stack = sensor.expose(np.stack([IMAGE, IMAGE]), rng=0)
     np.testing.assert_array_equal(stack[0].to_array(), first.to_array())
     assert (stack[1].to_array() != first.to_array()).mean() > 0.2
+
+
+def test_the_channels_of_readings_keep_their_origin():
+    origin = Provenance("npy", "a.npy")
+    color = jl.Readings(np.ones((1, 4, 4, 2), int), jl.Sensor(bit_depth=2), origin)
+    assert [channel.provenance for channel in color.channels()] == [origin] * 2
 
 
 @pytest.mark.parametrize(

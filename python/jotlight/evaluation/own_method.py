@@ -282,9 +282,7 @@ def _prepare(
     data: Bits | Readings | Merged | npt.NDArray[np.int32], sensor: Sensor
 ) -> tuple[Data, tuple[int, ...]]:
     """Return data after checking them, and the shape of the image that they show."""
-    if isinstance(data, Merged):
-        return data, data.shape
-    if isinstance(data, np.ndarray):
+    if isinstance(data, Merged | np.ndarray):
         return data, data.shape
     bit_depth = data.bit_depth if isinstance(data, Readings) else 1
     check_fits(data.shape, sensor, bit_depth=bit_depth)
@@ -292,6 +290,4 @@ def _prepare(
     shape = height // sensor.oversampling, width // sensor.oversampling, *channels
     if isinstance(data, Readings):
         return Readings(data.frames, sensor, data.provenance), shape
-    bits = Bits(data.packed, data.width, sensor, data.provenance)
-    bits.tested_for_periods = data.tested_for_periods
-    return bits, shape
+    return data.replace(sensor=sensor), shape

@@ -256,9 +256,7 @@ def with_frames(capture: Capture, frames: npt.NDArray[Any] | Frames) -> Capture:
     """
     if isinstance(capture, CountStack):
         return dataclasses.replace(capture, images=frames)
-    bits = Bits(frames, capture.width, capture.sensor, capture.provenance)
-    bits.tested_for_periods = capture.tested_for_periods
-    return bits
+    return capture.replace(packed=frames)
 
 
 def jot_shape(data: Bits | CountStack) -> tuple[int, ...]:

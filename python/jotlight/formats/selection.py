@@ -9,7 +9,6 @@ import numpy.typing as npt
 from jotlight.checks import require_slice
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
@@ -75,7 +74,8 @@ def select(
         return capture
     packed, width = orient_packed(capture.packed, capture.width, quarters, flip)
     sensor = capture.sensor and _orient_sensor(capture.sensor, capture.shape[1:3], quarters, flip)
-    return Bits(packed, width, sensor, capture.provenance and annotate(capture.provenance))
+    origin = capture.provenance and annotate(capture.provenance)
+    return capture.replace(packed=packed, width=width, sensor=sensor, provenance=origin)
 
 
 def _orient_images(

@@ -41,4 +41,4 @@ def with_mosaic(data: AnyBits, mosaic: object) -> AnyBits:
     sensor = known.replace(mosaic=mosaic, gain=known.gain)
     if isinstance(data, Readings):
         return Readings(data.frames, sensor, data.provenance)
-    return Bits(data.packed, data.width, sensor, data.provenance)
+    return data.replace(sensor=sensor)

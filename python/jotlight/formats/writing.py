@@ -286,4 +286,4 @@ def _report_reading(bits: Bits, progress: Callable[[float], object]) -> Bits:
         progress(stop / len(bits))
         return part
 
-    return Bits(Frames(bits.packed.shape, read), bits.width, bits.sensor, bits.provenance)
+    return bits.replace(packed=Frames(bits.packed.shape, read))

@@ -156,5 +156,5 @@ class KindsFilmState:
 def _of_sensor(window: Bits | CountStack, sensor: Sensor) -> Bits | CountStack:
     """Return the frames of a window with their sensor."""
     if isinstance(window, Bits):
-        return Bits(window.packed, window.width, sensor)
+        return window.replace(sensor=sensor)
     return window.with_trials_of(sensor)

@@ -134,8 +134,8 @@ class LiveFilm:
     def _next_image(self, *, is_tested: bool) -> FilmImage:
         """Return the image of the latest window, whose jots may have been tested for periods."""
         first = max(0, self._filled - KEPT_WINDOWS * self._window)
-        bits = Bits(self._kept[first : self._filled], self._width)
-        bits.tested_for_periods = self._is_tested or is_tested
+        kept, is_tested = self._kept[first : self._filled], self._is_tested or is_tested
+        bits = Bits(kept, self._width, tested_for_periods=is_tested)
         known = FilmFrames(bits, self._seen - len(bits))
         image = self._state.next_image(known, self._seen - self._window)
         self._is_tested = True  # the first image tests its frames

@@ -4,8 +4,8 @@ In reading order:
 
 * ``sensor`` with ``exposure``, ``simulate``, ``draws``, and ``draw_bits``: the parameters of a
   sensor, and the random bits of an image. ``maps`` and ``values`` check parameters that differ from
-  jot to jot, ``parameters`` treats all of them as a whole, and ``intensity_scale`` and
-  ``simulated_bits`` serve simulations;
+  jot to jot, ``parameters`` treats all of them as a whole, and ``intensity_scale`` serves
+  simulations;
 * ``readings``, ``multibit``, and ``draw_readings``: several bits, and read noise;
   ``reading_groups``: gains and thresholds that differ from frame to frame;
 * ``mosaic`` with ``mosaic_text`` and ``mosaic_checks``: color filters;

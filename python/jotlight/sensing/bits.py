@@ -1,18 +1,16 @@
 """Bits of a single-photon camera, in packed form."""
 
 import operator
-import os
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Self, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked, to_array, type_of
 from jotlight.chunks import windows
 from jotlight.sensing import byte_levels, lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
-from jotlight.sensing.bits_checks import check_fits, refuse_many_channels, warn_about_axes
+from jotlight.sensing.bits_checks import check_fits, warn_about_axes, zeros_and_ones
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.counting import count_ones_of_one
 from jotlight.sensing.crop import OneFrame, Region, note_part, split_index
@@ -46,6 +44,9 @@ class Bits(ArrayHints):
         The sensor that recorded the bits, if known.
     provenance : jotlight.sensing.provenance.Provenance, optional
         The file that the bits come from, and what :func:`jotlight.open` assumed about it.
+    tested_for_periods : bool
+        Whether the bits need no test for the period of a mosaic: simulated bits do not, nor bits
+        that were tested.
 
     Raises
     ------
@@ -65,6 +66,8 @@ class Bits(ArrayHints):
         width: int | None = None,
         sensor: SensorLike | None = None,
         provenance: Provenance | None = None,
+        *,
+        tested_for_periods: bool = False,
     ) -> None:
         if not isinstance(packed, np.ndarray | Frames) or packed.dtype != np.uint8:
             kind = getattr(packed, "dtype", type(packed).__name__)
@@ -84,7 +87,7 @@ class Bits(ArrayHints):
         self.width = full if width is None else operator.index(width)
         self.sensor = sensor
         self.provenance = provenance
-        self.tested_for_periods = False  # True: tested for mosaics, or needs no test
+        self.tested_for_periods = tested_for_periods
         if not full - 8 < self.width <= full:
             raise ValueError(
                 f"width: expected {full - 7} to {full} for {packed.shape[2]} bytes a row, "
@@ -114,31 +117,7 @@ class Bits(ArrayHints):
         >>> Bits.from_array(np.eye(10, dtype=bool)).packed.shape
         (1, 10, 2)
         """
-        refuse_masked("bits", array)
-        values = to_array("bits", array)
-        if values.dtype.kind not in "biu":
-            kind = type_of(array, values)
-            advice = "; pass array == 1 for floats" if values.dtype.kind == "f" else ""
-            if isinstance(array, str | os.PathLike):
-                advice = "; jotlight.open(path) reads a capture from a file"
-            raise TypeError(f"bits: expected bool or whole numbers 0 and 1, got {kind}{advice}")
-        if values.ndim == 2:
-            values = values[None]
-        if values.ndim not in (3, 4) or values.size == 0:
-            raise ValueError(
-                "bits: expected shape (T, H, W), (H, W) or (T, H, W, C), without a dimension of 0, "
-                f"got {values.shape}"
-            )
-        refuse_many_channels("bits", values.shape)
-        if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 1):
-            low, high = values.min(), values.max()
-            is_black_and_white = low == 0 and ((values == 0) | (values == high)).all()
-            advice = (
-                f"pass array == {high} for black and white"
-                if is_black_and_white
-                else "methods take an image of counts as it is"
-            )
-            raise ValueError(f"bits: expected 0 and 1 only, got {low} to {high}; {advice}")
+        values = zeros_and_ones(array)
         if sensor is None:
             warn_about_axes("bits", values.shape)
         return cls(np.packbits(values, axis=2), values.shape[2], sensor)
@@ -186,9 +165,25 @@ class Bits(ArrayHints):
             packed, width = region.crop_packed(packed), len(region.columns)
             sensor = sensor and region.crop_sensor(sensor)
         provenance = note_part(self.provenance, frames, region, self.shape)
-        part = type(self)(packed, width, sensor, provenance)
-        part.tested_for_periods = self.tested_for_periods
-        return part
+        return self.replace(packed=packed, width=width, sensor=sensor, provenance=provenance)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the same bits with some arguments of :class:`Bits` replaced.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When an argument is unknown, or the new ones do not fit together.
+
+        Examples
+        --------
+        >>> bits = Bits.from_array([[[0, 1]], [[1, 1]]])
+        >>> bits.replace(packed=~bits.packed).to_array().astype(int).tolist()
+        [[[1, 0]], [[0, 0]]]
+        """
+        names = "packed", "width", "sensor", "provenance", "tested_for_periods"
+        arguments: dict[str, Any] = {name: getattr(self, name) for name in names}
+        return type(self)(**{**arguments, **changes})
 
     def __iter__(self) -> Iterator[npt.NDArray[np.bool_]]:
         """Yield each frame as an array, (H, W) or (H, W, C)."""
@@ -317,11 +312,11 @@ class Bits(ArrayHints):
         """
         return lazy.to_dask(self.packed, chunks)
 
-    def channels(self) -> list["Bits"]:
+    def channels(self) -> list[Self]:
         """Return the bits of each channel, (T, H, W). Gray bits are themselves the only channel."""
         if len(self.shape) == 3:
             return [self]
-        return [Bits(packed, self.width, self.sensor) for packed in channel_views(self.packed, 3)]
+        return [self.replace(packed=packed) for packed in channel_views(self.packed, 3)]
 
     def show(self, *, viewer: bool = False) -> None:
         """Show how often each pixel is 1, with matplotlib. Only the first 64 MiB are read.

@@ -1,5 +1,12 @@
-"""Checks of the shape of bits: the order and number of its axes, and that it fits a sensor."""
+"""Checks of bits: their values, the order and number of their axes, and that they fit a sensor."""
 
+import os
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import refuse_masked, to_array, type_of
 from jotlight.errors import warn
 from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing.sensor_like import SensorLike
@@ -90,6 +97,47 @@ drop the axis of length 1, as array[:, 0] does
         f"{name}: expected shape (T, H, W, C) with at most {MAX_CHANNELS} channels, got {shape}; "
         f"{advice}"
     )
+
+
+def zeros_and_ones(array: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Return unpacked bits as an array (T, H, W) or (T, H, W, C) of bool, or of 0 and 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the array has another type or shape, or holds other values.
+
+    Examples
+    --------
+    >>> zeros_and_ones([[0, 1]]).shape
+    (1, 1, 2)
+    """
+    refuse_masked("bits", array)
+    values = to_array("bits", array)
+    if values.dtype.kind not in "biu":
+        kind = type_of(array, values)
+        advice = "; pass array == 1 for floats" if values.dtype.kind == "f" else ""
+        if isinstance(array, str | os.PathLike):
+            advice = "; jotlight.open(path) reads a capture from a file"
+        raise TypeError(f"bits: expected bool or whole numbers 0 and 1, got {kind}{advice}")
+    if values.ndim == 2:
+        values = values[None]
+    if values.ndim not in (3, 4) or values.size == 0:
+        raise ValueError(
+            "bits: expected shape (T, H, W), (H, W) or (T, H, W, C), without a dimension of 0, "
+            f"got {values.shape}"
+        )
+    refuse_many_channels("bits", values.shape)
+    if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 1):
+        low, high = values.min(), values.max()
+        is_black_and_white = low == 0 and ((values == 0) | (values == high)).all()
+        advice = (
+            f"pass array == {high} for black and white"
+            if is_black_and_white
+            else "methods take an image of counts as it is"
+        )
+        raise ValueError(f"bits: expected 0 and 1 only, got {low} to {high}; {advice}")
+    return values
 
 
 def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1) -> None:

@@ -22,7 +22,6 @@ from jotlight.sensing.simulate import (
     crop,
     evaluate_parts,
 )
-from jotlight.sensing.simulated_bits import simulated_bits
 
 
 class Exposure(Parameters):
@@ -202,7 +201,8 @@ class Exposure(Parameters):
         else:
             width = len(window.columns) * self.oversampling
             packed = drawn if is_plain else [np.packbits(each > 0, axis=2) for each in drawn]
-            several = simulated_bits(packed, width, sensor)
+            # The sensor is gray, even if the scene has a period.
+            several = [Bits(each, width, sensor, tested_for_periods=True) for each in packed]
         # The type of the result cannot tell images from stacks, nor bits from readings. Most
         # callers have the bits of an image.
         return several if layout.is_stack else several[0]  # type: ignore[no-any-return]

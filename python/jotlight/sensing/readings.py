@@ -217,11 +217,12 @@ class Readings(ArrayHints):
         part = self.read(0, min(len(self), _SHOWN))
         preview.show_image(normalize(part.mean(axis=0)), "the mean reading of the first frames")
 
-    def channels(self) -> list["Readings"]:
+    def channels(self) -> list[Self]:
         """Return the readings of each channel, (T, H, W)."""
         if len(self.shape) == 3:
             return [self]
-        return [Readings(view, self.sensor) for view in channel_views(self.frames, 3)]
+        views = channel_views(self.frames, 3)
+        return [type(self)(view, self.sensor, self.provenance) for view in views]
 
     def _check_range(self, values: npt.NDArray[Any]) -> None:
         highest = 2**self.sensor.bit_depth - 1

@@ -17,11 +17,11 @@ from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.errors import hide_warnings
 from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.seeds import SeedLike
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.simulated_bits import simulated_bits
 
 Array = npt.NDArray[np.float64]
 
@@ -85,7 +85,7 @@ class MovingScene:
         else:
             shape = (sensor.frames, height, math.ceil(width / 8), *channels)
             read = drawn_once(shape, np.uint8, self._draw)
-            (self.bits,) = simulated_bits([Frames(shape, read)], width, sensor)
+            self.bits = Bits(Frames(shape, read), width, sensor, tested_for_periods=True)
 
     @property
     def has_objects(self) -> bool:
