@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.estimators.convergence import ConvergenceMonitor
 from reference import iterative
 from reference.iterative import run, scene
 
@@ -182,13 +183,19 @@ def test_a_start_outside_of_0_to_s_is_clipped_and_does_not_change_the_maximum_li
         ({"tol": -1}, ValueError, "tol: expected a finite number above 0, got -1"),
         ({"tol": np.inf}, ValueError, "tol: expected a finite .*, got inf"),
         ({"tol": np.nan}, ValueError, "tol: expected a finite .*, got nan"),
-        ({"max_iter": 0}, ValueError, "max_iter: expected 1 or more, got 0"),
+        ({"tol": True}, ValueError, "tol: expected a finite .*, got True"),
+        ({"tol": 1e-3 + 0j}, ValueError, "tol: expected a finite .*, got "),
+        ({"max_iter": 0}, ValueError, "max_iter: expected at least 1, got 0"),
         ({"max_iter": 1.5}, TypeError, "max_iter: expected a whole number, got 1.5"),
     ],
 )
 def test_an_invalid_stopping_rule_is_refused(method, options, error, message):
     with pytest.raises(error, match=message):
         method(np.ones((4, 4), int), jl.Sensor(oversampling=2), **options)
+
+
+def test_a_tolerance_may_be_an_array_of_one_number():
+    assert ConvergenceMonitor("halving", 10, np.array(1e-3), None).tol == 1e-3
 
 
 @pytest.mark.slow

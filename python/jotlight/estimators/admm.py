@@ -10,7 +10,6 @@ from jotlight.estimators.convergence import (
     ConvergenceHistories,
     ConvergenceMonitor,
     IterationCallback,
-    check_stopping_rule,
 )
 from jotlight.estimators.image_solver import SolverInputs, solve_images
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variations
@@ -160,8 +159,6 @@ def admm_tv(
     check_norm(norm)
     if weight is not None:
         check_map("weight", weight, np.shape(weight))
-    check_stopping_rule(max_iter, tol)
-
     monitor = ConvergenceMonitor("admm_tv", max_iter, tol, callback)
 
     def solve(problem: Problem, start: Array | None) -> Array:

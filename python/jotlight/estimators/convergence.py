@@ -2,13 +2,13 @@
 
 import dataclasses
 import math
-import operator
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import positive_number, whole_number
 from jotlight.errors import warn
 from jotlight.estimators.figure import draw_residuals
 from jotlight.notebook import card
@@ -119,30 +119,6 @@ def follow_slowest(show: IterationCallback) -> IterationCallback:
     return callback
 
 
-def check_stopping_rule(max_iter: int, tol: float) -> tuple[int, float]:
-    """Return `max_iter` as an int and `tol` as a float.
-
-    Raises
-    ------
-    TypeError, ValueError
-        When `max_iter` is not a whole number of at least 1, or `tol` is not finite and positive.
-
-    Examples
-    --------
-    >>> check_stopping_rule(500, 1e-3)
-    (500, 0.001)
-    """
-    if not isinstance(tol, float | int | np.number) or not 0 < tol < np.inf:
-        raise ValueError(f"tol: expected a finite number above 0, got {tol!r}")
-    try:
-        iterations = operator.index(max_iter)
-    except TypeError:
-        raise TypeError(f"max_iter: expected a whole number, got {max_iter!r}") from None
-    if iterations < 1:
-        raise ValueError(f"max_iter: expected 1 or more, got {max_iter}")
-    return iterations, float(tol)
-
-
 class ConvergenceMonitor:
     """The stopping rule of a method, which runs on all images of a group at once.
 
@@ -162,7 +138,7 @@ class ConvergenceMonitor:
     Raises
     ------
     TypeError, ValueError
-        As in :func:`check_stopping_rule`.
+        When `max_iter` is not a whole number of at least 1, or `tol` is not finite and above 0.
 
     Examples
     --------
@@ -179,7 +155,8 @@ class ConvergenceMonitor:
     def __init__(
         self, name: str, max_iter: int, tol: float, callback: IterationCallback | None
     ) -> None:
-        self.max_iter, self.tol = check_stopping_rule(max_iter, tol)
+        self.max_iter = whole_number("max_iter", max_iter, 1)
+        self.tol = positive_number("tol", tol)
         self.histories: list[ConvergenceHistory] = []
         """The histories of the images of all groups that have ended."""
         self._name = name

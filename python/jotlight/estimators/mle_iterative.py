@@ -10,7 +10,6 @@ from jotlight.estimators.convergence import (
     ConvergenceHistories,
     ConvergenceMonitor,
     IterationCallback,
-    check_stopping_rule,
 )
 from jotlight.estimators.descent import SOLVERS, Direction, Mask, QuadraticModel, gradient_direction
 from jotlight.estimators.image_solver import SolverInputs, solve_images
@@ -167,8 +166,6 @@ def mle_iterative(
     (True, True)
     """
     check_choice("solver", solver, SOLVERS)
-    check_stopping_rule(max_iter, tol)
-
     monitor = ConvergenceMonitor("mle_iterative", max_iter, tol, callback)
     dead: list[Mask] = []
 
