@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.errors import SeveralArraysError, error_message
 from jotlight.formats import stubs
 from jotlight.formats.locations import expand, file_state, is_glob, is_url
+from jotlight.formats.remote import LocalCopy
 from servers import http_server, s3_server
 
 pytest.importorskip("fsspec")
@@ -51,6 +53,22 @@ def test_captures_at_urls_are_those_of_files(folder, server, name):
     assert found.sensor == local.sensor
     assert found.provenance == local.provenance
     np.testing.assert_array_equal(packed(found), packed(local))
+
+
+def test_errors_about_several_arrays_at_a_url_name_them(tmp_path):
+    np.savez(tmp_path / "two.npz", dark=np.ones((4, 4), int), flat=np.ones((4, 4), int))
+    with http_server(tmp_path) as server:
+        url = f"{server.url}/two.npz"
+        with pytest.raises(SeveralArraysError, match=f"^{url}: expected key=") as caught:
+            jl.open(url)
+    assert caught.value.names == ("dark", "flat")
+
+
+def test_an_error_of_the_system_names_the_url(server):
+    copy = LocalCopy(f"{server.url}/capture.npy")
+    with pytest.raises(PermissionError) as caught, copy.named_in_errors():
+        raise PermissionError(13, "Permission denied", str(copy.path))
+    assert error_message(caught.value) == f"cannot access {copy.url}: Permission denied"
 
 
 def test_only_the_frames_that_are_used_are_read(server):

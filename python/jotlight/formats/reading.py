@@ -231,10 +231,8 @@ def open_capture(
 def _open_url(url: str, storage_options: dict[str, Any] | None, options: dict[str, Any]) -> Capture:
     """Return the capture at a URL."""
     copy = LocalCopy(url, storage_options)
-    try:
+    with copy.named_in_errors():
         capture = _open_once(copy.path, **options)
-    except (OSError, ValueError) as error:
-        raise type(error)(str(error).replace(str(copy.path), url)) from error
     state, frames = url_state(url, storage_options), frames_of(capture)
     if not isinstance(frames, Frames):
         return capture

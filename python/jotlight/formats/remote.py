@@ -5,10 +5,11 @@ The readers of this package expect local files. So a file at a URL is opened as 
 beginning, are copied into a temporary folder.
 """
 
+import contextlib
 import shutil
 import tempfile
 import weakref
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -58,6 +59,22 @@ class LocalCopy:
         self._copy(root, self.path)
         if name.lower().endswith((".npy", ".npy.gz")):
             self._copy_companions(root)
+
+    @contextlib.contextmanager
+    def named_in_errors(self) -> Iterator[None]:
+        """Raise errors of the block that name the URL in place of the local path."""
+
+        def named(text: object) -> str:
+            return str(text).replace(str(self.path), self.url)
+
+        try:
+            yield
+        except (OSError, ValueError) as error:
+            if isinstance(error, OSError) and error.filename is not None:
+                error.filename = named(error.filename)
+            else:
+                error.args = (named(error),)
+            raise
 
     def _is_zarr(self, root: str) -> bool:
         return any(self._fs.exists(f"{root.rstrip('/')}/{name}") for name in _METADATA[:3])
