@@ -11,10 +11,7 @@ from jotlight.output_files import open_output
 from jotlight.temporary_names import has_temporaries, reserve_temporary
 
 _FAILED_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""Error numbers of a full disk, an exceeded quota, and a file above the size limit.
-
-Only a failed write causes them.
-"""
+"""Errors that only a failed write causes: a full disk, an exceeded quota, and too large a file."""
 
 _unfinished: set[Path] = set()
 """Temporary files of blocks that have not ended."""
@@ -83,13 +80,20 @@ def refuse_folder(path: Path, example: str, *, may_be_new: bool = False) -> None
 
 
 def write_file(
-    path: str | os.PathLike[str], content: bytes | str, *, output: Path | None = None
+    path: str | os.PathLike[str],
+    content: bytes | str,
+    *,
+    durable: bool = True,
+    output: Path | None = None,
 ) -> None:
     """Write bytes, or text in UTF-8, as a file, completely or not at all.
 
-    If the file lies beside an output, errors name that `output`.
+    `durable` and `output` are those of :func:`atomic_write`.
     """
-    with atomic_write(path, output=output) as temporary, open_output(temporary) as file:
+    with (
+        atomic_write(path, durable=durable, output=output) as temporary,
+        open_output(temporary) as file,
+    ):
         file.write(content.encode() if isinstance(content, str) else content)
 
 

@@ -27,7 +27,6 @@ from jotlight.dask.image_files import is_intact, map_in_threads, write_image
 from jotlight.dask.records import ATTRIBUTE, Record, check_same_run, read_json, read_record
 from jotlight.dask.streaming import Checksum
 from jotlight.files import (
-    atomic_write,
     create_parent,
     explained_creation,
     explained_failure,
@@ -35,7 +34,6 @@ from jotlight.files import (
     write_file,
 )
 from jotlight.formats.zarr.writing import import_zarr
-from jotlight.output_files import open_output
 
 PART = ".part"
 """Ending of the folder in which an array is made."""
@@ -219,12 +217,7 @@ class VideoStore:
 
         Nothing waits for the disk: :meth:`finish` finds what a power failure has damaged.
         """
-        path, content = self._marker(group), json.dumps(facts).encode()
-        with (
-            atomic_write(path, durable=False, output=self.path) as temporary,
-            open_output(temporary) as file,
-        ):
-            file.write(content)
+        write_file(self._marker(group), json.dumps(facts), durable=False, output=self.path)
 
     def missing(self) -> list[int]:
         """Return the numbers of the groups that are not complete."""
