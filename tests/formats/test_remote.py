@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.errors import SeveralArraysError, error_message
-from jotlight.formats import stubs
+from jotlight.formats import remote_files
 from jotlight.formats.locations import expand, file_state, is_glob, is_url
 from jotlight.formats.remote import LocalCopy
 from servers import http_server, s3_server
@@ -115,14 +115,14 @@ def test_conversions_compare_checksums(server, tmp_path):
 
 @pytest.mark.slow
 def test_temporary_files_are_deleted_with_the_bits(server):
-    of_others = set(stubs._remote)  # other tests may have left some
+    of_others = set(remote_files._remote)  # other tests may have left some
     bits = jl.open(f"{server.url}/capture.npy")
-    paths = set(stubs._remote) - of_others
+    paths = set(remote_files._remote) - of_others
     assert {Path(path).name for path in paths} == {"capture.npy", "capture.mask.npy"}
     assert all(Path(path).exists() for path in paths)
     del bits
     gc.collect()
-    assert not paths & set(stubs._remote)
+    assert not paths & set(remote_files._remote)
     assert not any(Path(path).exists() for path in paths)
 
 

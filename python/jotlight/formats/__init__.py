@@ -10,7 +10,7 @@
 * ``capture``, ``count_stacks``, ``selection``, ``orientation``, and ``packing`` handle what was
   read;
 * ``cube``, ``description``, ``labels``, and ``labeled`` keep the width, sensor, and provenance;
-* ``locations``, ``file_systems``, ``stubs``, and ``remote`` open URLs and globs;
+* ``locations``, ``file_systems``, ``remote_files``, and ``remote`` open URLs and globs;
 * ``checked_reading`` computes the checksum of frames while they are read;
 * ``arrays``, ``archives``, ``compressed``, ``blocks``, ``file_reader``, ``raw``, and ``file_lists``
   read bytes, and ``locks`` protects what threads share;

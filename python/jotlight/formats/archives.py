@@ -31,7 +31,7 @@ from jotlight.formats.checksums import (
 from jotlight.formats.compressed import check_end, naming_file, stream_npy
 from jotlight.formats.labels import MAX_LABEL_BYTES
 from jotlight.formats.limits import check_claimed_size
-from jotlight.formats.stubs import open_binary, remote_file
+from jotlight.formats.remote_files import open_binary, remote_file
 from jotlight.sensing.frames import Frames
 
 _LABEL = "jotlight.json"

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from isal.igzip_lib import IsalError
 
 from jotlight.formats.file_reader import FileReader
-from jotlight.formats.stubs import open_binary
+from jotlight.formats.remote_files import open_binary
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 HEADER_ERRORS = (

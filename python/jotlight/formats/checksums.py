@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
-from jotlight.formats.stubs import open_binary, remote_file
+from jotlight.formats.remote_files import open_binary, remote_file
 
 _READ_BYTES = 1 << 23
 """Number of bytes of a remote file that are read at a time."""

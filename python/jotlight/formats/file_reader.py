@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.formats.stubs import remote_file
+from jotlight.formats.remote_files import remote_file
 from jotlight.sensing.frames import Packed
 
 _MIN_LARGE_PAGES = 1 << 22

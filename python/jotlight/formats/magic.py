@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Literal
 
-from jotlight.formats.stubs import BLOCK_BYTES, open_binary, remote_file
+from jotlight.formats.remote_files import BLOCK_BYTES, open_binary, remote_file
 
 ByteOrder = Literal["little", "big"]
 """The order of the bytes of a number in a file."""

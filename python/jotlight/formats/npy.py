@@ -33,7 +33,7 @@ from jotlight.formats.labels import AS_STATED, BITS, COUNTS, READINGS, make_read
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
-from jotlight.formats.stubs import remote_file
+from jotlight.formats.remote_files import remote_file
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import warn_about_axes

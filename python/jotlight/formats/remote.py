@@ -1,8 +1,8 @@
 """Captures at URLs, which are read in ranges or fetched.
 
 The readers of this package expect local files. So a file at a URL is opened as a stub, see
-:mod:`jotlight.formats.stubs`. Descriptions, and streams of gzip, which can only be read from their
-beginning, are copied into a temporary folder.
+:mod:`jotlight.formats.remote_files`. Descriptions, and streams of gzip, which can only be read from
+their beginning, are copied into a temporary folder.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from typing import Any
 
 from jotlight.formats.description import description_path, find_description
 from jotlight.formats.file_systems import explained, is_remote_folder, open_file_system
-from jotlight.formats.stubs import RemoteFile, add_stub, remove_stubs
+from jotlight.formats.remote_files import RemoteFile, add_stub, remove_stubs
 
 _MAX_FILES = 1_000_000
 """Maximum number of files in a folder."""

@@ -1,4 +1,4 @@
-"""Stubs: empty local files that stand for files at URLs.
+"""Files at URLs, for which empty local files stand: the stubs.
 
 A stub has the size of its file, but not its content. :func:`open_binary` and
 :class:`jotlight.formats.file_reader.FileReader` read the content from the URL, in ranges.

@@ -22,7 +22,7 @@ from jotlight.formats.hdf5.library import DataSet, Hdf5Library
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
-from jotlight.formats.stubs import open_binary, raise_failure, remote_file
+from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
 from jotlight.interrupts import hold_signals
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits

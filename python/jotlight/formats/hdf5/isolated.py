@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from jotlight.formats.hdf5 import library
 from jotlight.formats.hdf5.library import SECONDS, DataSet, receive, send
-from jotlight.formats.stubs import RemoteFile, RemoteStream, remote_file
+from jotlight.formats.remote_files import RemoteFile, RemoteStream, remote_file
 
 _ERRORS = {
     each.__name__: each for each in (ImportError, FileNotFoundError, PermissionError, ValueError)

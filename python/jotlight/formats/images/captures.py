@@ -37,8 +37,8 @@ from jotlight.formats.labels import COUNTS, READINGS, parse_label
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
+from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
 from jotlight.formats.safe_paths import MAX_SEARCHED, list_below
-from jotlight.formats.stubs import open_binary, raise_failure, remote_file
 from jotlight.layout import is_single_image
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import warn_about_axes

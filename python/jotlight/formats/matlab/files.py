@@ -17,7 +17,7 @@ from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.locks import ProcessLock
 from jotlight.formats.magic import has_type
 from jotlight.formats.matlab.sizes import check_sizes, check_streams, extract_variable
-from jotlight.formats.stubs import open_binary, raise_failure, remote_file
+from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
 from jotlight.sensing.frames import Frames
 
 VARIABLE = "OUTPUT"

@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import ByteOrder
-from jotlight.formats.stubs import open_binary
+from jotlight.formats.remote_files import open_binary
 
 COMPRESSED = 15
 """Type of a compressed variable."""

@@ -18,8 +18,8 @@ from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, open_stored_array
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.remote_files import raise_failure
 from jotlight.formats.safe_paths import list_below
-from jotlight.formats.stubs import raise_failure
 from jotlight.formats.zarr.manifest import (
     MANIFEST,
     MANIFESTS,

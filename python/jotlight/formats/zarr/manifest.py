@@ -13,8 +13,8 @@ from typing import Any
 
 from jotlight.formats.checksums import check_file, check_seal, file_checksum, seal
 from jotlight.formats.file_reader import FileReader
+from jotlight.formats.remote_files import open_binary
 from jotlight.formats.safe_paths import check_inside
-from jotlight.formats.stubs import open_binary
 from jotlight.formats.zarr.shards import (
     CHECKSUM_BYTES,
     chunks_per_shard,

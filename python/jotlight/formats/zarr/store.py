@@ -12,7 +12,7 @@ from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import LocalStore, StorePath
 
 from jotlight.formats.file_reader import FileReader
-from jotlight.formats.stubs import RemoteFile, remote_file
+from jotlight.formats.remote_files import RemoteFile, remote_file
 from jotlight.formats.zarr.codecs import ChunkSizes, bound_codecs
 from jotlight.formats.zarr.manifest import MAX_METADATA_BYTES, METADATA_FILES
 from jotlight.formats.zarr.shards import check_index, index_bytes, is_shard, parts_of_shard
