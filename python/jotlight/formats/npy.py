@@ -3,8 +3,9 @@
 An array is a photon cube (packed bits), frames of booleans, or counts.
 """
 
-import contextlib
+import functools
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
@@ -40,6 +41,9 @@ from jotlight.sensing.bits_checks import warn_about_axes
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
+
+_WriteArray = Callable[[IO[bytes], npt.NDArray[Any] | Frames], None]
+"""A function that writes an array, `write_npy` or `write_npy_gz`."""
 
 
 def open_npy(path: Path, options: OpenOptions) -> Capture:
@@ -141,30 +145,15 @@ def _is_npy_gz(path: Path) -> bool:
     return has_type(path, "gzip") and not path.name.lower().endswith(RAW_EXTENSIONS)
 
 
-def _write_npy_bits(bits: Bits, path: Path) -> None:
+def _write_bits(write: _WriteArray, bits: Bits, path: Path) -> None:
     with describe_bits(bits, path) as file:
-        write_npy(file, bits.packed)
+        write(file, bits.packed)
 
 
-def _write_npy_counts(counts: Counts, path: Path, label: str) -> None:
-    with _describe_counts(counts, path, label) as file:
-        write_npy(file, counts)
-
-
-def _write_npy_gz_bits(bits: Bits, path: Path) -> None:
-    with describe_bits(bits, path) as file:
-        write_npy_gz(file, bits.packed)
-
-
-def _write_npy_gz_counts(counts: Counts, path: Path, label: str) -> None:
-    with _describe_counts(counts, path, label) as file:
-        write_npy_gz(file, counts)
-
-
-def _describe_counts(
-    counts: Counts, path: Path, label: str
-) -> contextlib.AbstractContextManager[IO[bytes]]:
-    return write_described(path, {**json.loads(label), "shape": list(counts.shape)}, {})
+def _write_counts(write: _WriteArray, counts: Counts, path: Path, label: str) -> None:
+    content = {**json.loads(label), "shape": list(counts.shape)}
+    with write_described(path, content, {}) as file:
+        write(file, counts)
 
 
 def _write_npy_readings(readings: Readings, path: Path) -> None:
@@ -193,8 +182,8 @@ NPY = Format(
     matches=lambda path: has_type(path, "npy"),
     extensions=(".npy",),
     writer=Writer(
-        bits=_write_npy_bits,
-        counts=_write_npy_counts,
+        bits=functools.partial(_write_bits, write_npy),
+        counts=functools.partial(_write_counts, write_npy),
         readings=_write_npy_readings,
         extensions=(".npy",),
         keeps_sensor=True,
@@ -210,8 +199,8 @@ NPY_GZ = Format(
     matches=_is_npy_gz,
     extensions=(".gz",),
     writer=Writer(
-        bits=_write_npy_gz_bits,
-        counts=_write_npy_gz_counts,
+        bits=functools.partial(_write_bits, write_npy_gz),
+        counts=functools.partial(_write_counts, write_npy_gz),
         extensions=(".npy.gz",),
         keeps_sensor=True,
         keeps_label=True,
