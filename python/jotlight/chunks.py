@@ -41,7 +41,9 @@ def frame_chunks(
             )
 
 
-def windows(frames: int, window: int, step: int | None = None) -> list[slice]:
+def windows(
+    frames: int, window: int, step: int | None = None, *, name: str = "window"
+) -> list[slice]:
     """Return the frames of each window as a slice: `window` frames, from every `step`-th frame on.
 
     Parameters
@@ -52,6 +54,8 @@ def windows(frames: int, window: int, step: int | None = None) -> list[slice]:
         The number of frames of a window.
     step : int, optional
         Frames from one window to the next. Default: the size of a window.
+    name : str
+        What messages call `window`.
 
     Raises
     ------
@@ -65,11 +69,11 @@ def windows(frames: int, window: int, step: int | None = None) -> list[slice]:
     >>> [(w.start, w.stop) for w in windows(10, 4, 3)]
     [(0, 4), (3, 7), (6, 10)]
     """
-    for name, value in (("window", window), ("step", window if step is None else step)):
+    for each, value in ((name, window), ("step", window if step is None else step)):
         if not hasattr(value, "__index__"):
-            raise TypeError(f"{name}: expected a whole number of frames, got {value!r:.80}")
+            raise TypeError(f"{each}: expected a whole number of frames, got {value!r:.80}")
     if not 1 <= window <= frames:
-        raise ValueError(f"window: expected 1 to the capture's {frames} frames, got {window}")
+        raise ValueError(f"{name}: expected 1 to the capture's {frames} frames, got {window}")
     step = window if step is None else step
     if step < 1:
         raise ValueError(f"step: expected 1 frame or more, got {step}")

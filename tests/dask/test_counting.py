@@ -88,6 +88,7 @@ def test_bad_arrays_are_refused(x, message):
         ({"window": 4, "step": 0}, "step"),
         ({"window": 4, "width": 17}, "width: expected 9 to 16"),
         ({"window": 4, "oversampling": 4}, "multiples of the oversampling"),
+        ({"window": 4, "oversampling": 0}, "oversampling: expected at least 1, got 0"),
     ],
 )
 def test_bad_options_are_refused(options, message):

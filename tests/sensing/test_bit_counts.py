@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.sensing.counting import count_ones
 from reference.sensing import block_counts
 
 RANDOM = np.random.default_rng(0)
@@ -122,7 +123,23 @@ def test_the_oversampling_of_counts_is_that_of_the_sensor_or_one():
     np.testing.assert_array_equal(jl.Bits.from_array(array).counts(), array.sum(axis=0))
 
 
-@pytest.mark.parametrize("side", [0, -1, 3, 4, 8])
+@pytest.mark.parametrize(
+    ("side", "error", "message"),
+    [
+        (0, ValueError, "at least 1, got 0"),
+        (-1, ValueError, "at least 1, got -1"),
+        (2.0, TypeError, r"a whole number, got 2\.0"),
+        ("2", TypeError, "a whole number, got '2'"),
+    ],
+)
+def test_an_oversampling_that_is_no_number_of_jots_is_refused(side, error, message):
+    bits = jl.Bits.from_array(random_bits(3, 4, 6))
+    for call in (bits.counts, lambda each: count_ones([bits], each)):
+        with pytest.raises(error, match=f"^oversampling: expected {message}"):
+            call(side)
+
+
+@pytest.mark.parametrize("side", [3, 4, 8])
 def test_pixels_that_do_not_fill_the_frame_are_refused(side):
     with pytest.raises(ValueError, match=f"multiples of the oversampling {side}, got 4 x 6"):
         jl.Bits.from_array(random_bits(3, 4, 6)).counts(side)

@@ -114,7 +114,7 @@ def test_windows_are_bits_whose_sensor_has_as_many_frames():
     assert [part.sensor for part in parts] == [jl.Sensor(frames=4, gain=2.0)] * 3
     for index, part in enumerate(parts):
         np.testing.assert_array_equal(part.to_array(), bits[3 * index : 3 * index + 4].to_array())
-    with pytest.raises(ValueError, match="window: expected 1 to the capture's 10 frames"):
+    with pytest.raises(ValueError, match=r"^n: expected 1 to the capture's 10 frames"):
         bits.windows(11)
 
 

@@ -124,8 +124,12 @@ def test_the_readings_of_the_jots_of_a_pixel_are_added():
     expected = array.sum(axis=0).reshape(2, 2, 3, 2).sum(axis=(1, 3))
     np.testing.assert_array_equal(pixels, expected)
     assert fractions[-1] == 1
-    with pytest.raises(ValueError, match="oversampling: expected one that divides 4 x 6 jots"):
-        readings.sum(3)
+    del fractions[:]
+    with pytest.raises(ValueError, match=r"readings: expected .* multiples of the oversampling 3"):
+        readings.sum(3, progress=fractions.append)
+    assert fractions == []
+    with pytest.raises(TypeError, match=r"oversampling: expected a whole number, got 1\.5"):
+        readings.sum(1.5)
 
 
 def test_readings_are_indexed_and_read_like_bits():
@@ -250,7 +254,7 @@ def test_windows_are_readings_whose_sensor_has_as_many_frames():
     assert [part.sensor for part in parts] == [sensor.replace(frames=4, gain=2.0)] * 3
     for index, part in enumerate(parts):
         np.testing.assert_array_equal(part.to_array(), readings[3 * index : 3 * index + 4])
-    with pytest.raises(ValueError, match="window: expected 1 to the capture's 10 frames"):
+    with pytest.raises(ValueError, match=r"^n: expected 1 to the capture's 10 frames"):
         readings.windows(11)
 
 

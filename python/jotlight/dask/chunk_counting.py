@@ -9,6 +9,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.dask.cluster import check_version
 from jotlight.dask.spans import Spans
+from jotlight.sensing.bits_checks import checked_oversampling
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Packed
 from jotlight.sensing.lazy import FrameSource
@@ -29,7 +30,7 @@ def image_shape(shape: tuple[int, ...], width: int, oversampling: int) -> tuple[
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         When the width or the oversampling does not fit the frames.
 
     Examples
@@ -43,11 +44,7 @@ def image_shape(shape: tuple[int, ...], width: int, oversampling: int) -> tuple[
             f"width: expected {8 * row_bytes - 7} to {8 * row_bytes} for {row_bytes} bytes a row, "
             f"got {width}"
         )
-    if oversampling < 1 or height % oversampling or width % oversampling:
-        raise ValueError(
-            "bits: expected rows and columns of jots that are multiples of the oversampling "
-            f"{oversampling}, got {height} x {width}"
-        )
+    oversampling = checked_oversampling(oversampling, (height, width))
     return height // oversampling, width // oversampling, *channels
 
 

@@ -1,12 +1,12 @@
 """Bits of a single-photon camera, in packed form."""
 
-import operator
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Self, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import whole_number
 from jotlight.chunks import windows
 from jotlight.sensing import byte_levels, lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
@@ -84,7 +84,7 @@ class Bits(ArrayHints):
             byte_levels.refuse_numbers(packed)
         full = 8 * packed.shape[2]
         self.packed = packed
-        self.width = full if width is None else operator.index(width)
+        self.width = full if width is None else whole_number("width", width, 1)
         self.sensor = sensor
         self.provenance = provenance
         self.tested_for_periods = tested_for_periods
@@ -218,8 +218,8 @@ class Bits(ArrayHints):
 
         Raises
         ------
-        ValueError
-            When a number is out of range.
+        TypeError, ValueError
+            When a number is not whole, or out of range.
 
         Examples
         --------
@@ -227,7 +227,7 @@ class Bits(ArrayHints):
         >>> [len(part) for part in bits.windows(4, 3)]
         [4, 4, 4]
         """
-        return (self[frames] for frames in windows(len(self), n, step))
+        return (self[frames] for frames in windows(len(self), n, step, name="n"))
 
     def to_array(self) -> npt.NDArray[np.bool_]:
         """Return unpacked bits of bool, (T, H, W) or (T, H, W, C). They take 8 times the memory.
@@ -271,7 +271,8 @@ class Bits(ArrayHints):
         Raises
         ------
         TypeError, ValueError
-            When K̂ does not divide height and width, or the mask or `out` does not fit.
+            When K̂ is not a whole number that divides height and width, or the mask or `out` does
+            not fit.
 
         Examples
         --------

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked, to_array, type_of
+from jotlight.checks import refuse_masked, to_array, type_of, whole_number
 from jotlight.errors import warn
 from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing.sensor_like import SensorLike
@@ -163,9 +163,27 @@ def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1
             f"{some if sensor.frames < frames else ''}"
             f"sensor.replace(frames={frames}) (--frames {frames})"
         )
-    if height % sensor.oversampling or width % sensor.oversampling:
-        raise ValueError(
-            f"bits: expected rows and columns of jots that are multiples of the oversampling "
-            f"{sensor.oversampling}, got {height} x {width}"
-        )
+    checked_oversampling(sensor.oversampling, (height, width))
     sensor.check_map_shapes(height, width)
+
+
+def checked_oversampling(oversampling: object, jots: tuple[int, int], name: str = "bits") -> int:
+    """Return K̂ as an int that divides the rows and columns of jots of frames called `name`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When K̂ is not a whole number of at least 1, or does not divide them.
+
+    Examples
+    --------
+    >>> checked_oversampling(2, (4, 6))
+    2
+    """
+    side = whole_number("oversampling", oversampling, 1)
+    if jots[0] % side or jots[1] % side:
+        raise ValueError(
+            f"{name}: expected rows and columns of jots that are multiples of the oversampling "
+            f"{side}, got {jots[0]} x {jots[1]}"
+        )
+    return side

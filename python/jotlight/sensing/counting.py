@@ -9,6 +9,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
+from jotlight.sensing.bits_checks import checked_oversampling
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, Packed, map_in_thread, read_chunks
 from jotlight.sensing.output_images import check_out
@@ -65,7 +66,7 @@ def count_ones(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         When the height or the width is not a multiple of K̂, or the mask does not fit.
 
     Examples
@@ -76,7 +77,7 @@ def count_ones(
     """
     check_threads(threads)
     frames, height, width, *channels = bits[0].shape
-    _check(frames, (height, width), oversampling, mask)
+    oversampling = _check(frames, (height, width), oversampling, mask)
     valid = None if mask is None else np.packbits(~mask, axis=1)
     shape = height // oversampling, width // oversampling, *channels
     counts = np.zeros((len(bits), *shape), np.int32) if out is None else out
@@ -125,7 +126,7 @@ def count_ones_of_one(
         When the mask, the oversampling, or `out` does not fit.
     """
     frames, height, width, *channels = bits.shape
-    _check(frames, (height, width), oversampling, mask)
+    oversampling = _check(frames, (height, width), oversampling, mask)
     target = None
     if out is not None:
         shape = height // oversampling, width // oversampling, *channels
@@ -142,19 +143,16 @@ def count_ones_of_one(
 
 def _check(
     frames: int, jots: tuple[int, int], oversampling: int, mask: npt.NDArray[np.bool_] | None
-) -> None:
-    height, width = jots
-    if oversampling < 1 or height % oversampling or width % oversampling:
-        raise ValueError(
-            f"bits: expected rows and columns of jots that are multiples of the oversampling "
-            f"{oversampling}, got {height} x {width}"
-        )
+) -> int:
+    """Return the oversampling as an int, after checks of it and of the mask."""
+    oversampling = checked_oversampling(oversampling, jots)
     if frames * oversampling**2 >= 2**31:
         raise ValueError(
             f"bits: expected fewer than 2**31 trials per pixel, got {frames} frames of "
             f"{oversampling} x {oversampling} jots; count parts of the frames: bits[a:b]"
         )
     check_mask(mask, jots)
+    return oversampling
 
 
 def check_mask(mask: npt.NDArray[np.bool_] | None, jots: tuple[int, ...]) -> None:

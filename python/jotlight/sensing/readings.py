@@ -11,7 +11,7 @@ from jotlight.chunks import windows
 from jotlight.notebook import card, normalize
 from jotlight.sensing import preview
 from jotlight.sensing.array_hints import ArrayHints
-from jotlight.sensing.bits_checks import check_fits, refuse_many_channels
+from jotlight.sensing.bits_checks import check_fits, checked_oversampling, refuse_many_channels
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.crop import OneFrame, Region, crop_frames, note_part, split_index
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks
@@ -136,8 +136,8 @@ class Readings(ArrayHints):
 
         Raises
         ------
-        ValueError
-            When a number is out of range.
+        TypeError, ValueError
+            When a number is not whole, or out of range.
 
         Examples
         --------
@@ -146,7 +146,7 @@ class Readings(ArrayHints):
         >>> [len(part) for part in readings.windows(4, 3)]
         [4, 4, 4]
         """
-        return (self[frames] for frames in windows(len(self), n, step))
+        return (self[frames] for frames in windows(len(self), n, step, name="n"))
 
     def read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:
         """Return the readings of some frames as an array.
@@ -185,21 +185,16 @@ class Readings(ArrayHints):
 
         Raises
         ------
-        ValueError
-            When the jots do not form whole pixels.
+        TypeError, ValueError
+            When K̂ is not a whole number that divides height and width.
         """
+        height, width, *channels = self.shape[1:]
+        side = checked_oversampling(oversampling, (height, width), "readings")
         total = np.zeros(self.shape[1:], np.int64)
         for place, _ in read_in_chunks(self.frames):
             total += self.read(place.start, place.stop).sum(axis=0, dtype=np.int64)
             if progress:
                 progress(place.stop / len(self))
-        height, width, *channels = total.shape
-        if oversampling < 1 or height % oversampling or width % oversampling:
-            raise ValueError(
-                f"oversampling: expected one that divides {height} x {width} jots, got "
-                f"{oversampling}"
-            )
-        side = oversampling
         pixels = total.reshape(height // side, side, width // side, side, *channels)
         return np.asarray(pixels.sum(axis=(1, 3)))
 
