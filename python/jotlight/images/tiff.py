@@ -9,12 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.images.tiff_directories import move_samples_last, open_checked_tiff
+from jotlight.formats.images.tiff_layout import ALPHA
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.limits import check_claimed_size
 from jotlight.output_files import OutputFile
-
-_ALPHA = 1, 2
-"""Values of the tag ExtraSamples that mark transparency."""
 
 
 def read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
@@ -33,7 +31,7 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
             for page in filter(None, series.pages):
                 check_segments(file, page)
             array = move_samples_last(np.asarray(series.asarray()), series.axes)
-            has_alpha = bool(set(_ALPHA) & set(series.keyframe.extrasamples))
+            has_alpha = bool(set(ALPHA) & set(series.keyframe.extrasamples))
     except Exception as error:  # any type: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if array.ndim == 3 and array.shape[2] == 4:  # transparency

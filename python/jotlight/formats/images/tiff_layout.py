@@ -4,10 +4,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+from jotlight.errors import counted
 from jotlight.formats.images.tiff_directories import shape_of
 from jotlight.layout import MAX_CHANNELS
 
-_ALPHA = 1, 2
+ALPHA = 1, 2
 """Values of the tag ExtraSamples that mark transparency."""
 
 _NO_COUNTS = {0: "inverted gray levels", 5: "inks", 6: "YCbCr colors", 8: "CIELAB colors"}
@@ -46,13 +47,13 @@ def no_counts_error(tiff: Any, path: Path) -> ValueError | None:
             f"{path}: expected counts as gray levels or RGB, got {kind}; save the counts as gray "
             "levels in which 0 is black (tifffile.imwrite(..., photometric='minisblack'))"
         )
-    if set(_ALPHA) & set(map(int, page.extrasamples)):
+    if set(ALPHA) & set(map(int, page.extrasamples)):
         frames = "; if they are frames, write them with tifffile.imwrite(..., photometric="
         frames = f"{frames}'minisblack')" if series.axes == "SYX" else ""
         return ValueError(
-            f"{path}: expected counts, got {page.samplesperpixel - 1} channel"
-            f"{'s' * (page.samplesperpixel > 2)} and transparency, of shape {shape_of(series)}; "
-            f"save the file without its alpha channel{frames}"
+            f"{path}: expected counts, got {counted(page.samplesperpixel - 1, 'channel')} and "
+            f"transparency, of shape {shape_of(series)}; save the file without its alpha channel"
+            f"{frames}"
         )
     images = [axis for axis in series.axes if axis in _IMAGES]
     if len(images) > 1:
