@@ -1,6 +1,7 @@
 """Calibration of a sensor: dark counts, hot and dead jots, and response, from two captures."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -160,6 +161,28 @@ def check_limits(false_positive_rate: float, max_dark: float) -> None:
     positive_number("max_dark", max_dark)
 
 
+def check_jots(dark: tuple[int, ...], flat: tuple[int, ...] | None) -> None:
+    """Raise ValueError for captures of too few jots, and for captures of different sizes.
+
+    Examples
+    --------
+    >>> check_jots((8, 8), (8, 16))
+    Traceback (most recent call last):
+      ...
+    ValueError: flat: expected the dark capture's 8 x 8 jots, got 8 x 16
+    """
+    if math.prod(dark) < _MIN_JOTS:
+        raise ValueError(
+            f"dark: expected {_MIN_JOTS} jots or more to find the ordinary ones, got "
+            f"{math.prod(dark)}"
+        )
+    if flat is not None and flat != dark:
+        raise ValueError(
+            f"flat: expected the dark capture's {' x '.join(map(str, dark))} jots, got "
+            f"{' x '.join(map(str, flat))}"
+        )
+
+
 def calibrate_sums(
     dark: JotSums,
     flat: JotSums | None,
@@ -173,10 +196,7 @@ def calibrate_sums(
     See :func:`calibrate` for the parameters.
     """
     ones, number = dark.ones, dark.frames
-    if ones.size < _MIN_JOTS:
-        raise ValueError(
-            f"dark: expected {_MIN_JOTS} jots or more to find the ordinary ones, got {ones.size}"
-        )
+    check_jots(ones.shape, None if flat is None else flat.ones.shape)
     bulk = fit_bulk(ones, number)
     hot_threshold = bulk.threshold(false_positive_rate)
     dark_counts = JotCounts(ones, number, threshold).detections()
@@ -215,11 +235,6 @@ def calibrate_sums(
 def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
     """Return the calibration with the results of the flat capture."""
     ones, number = flat.ones, flat.frames
-    if ones.shape != found.shape:
-        raise ValueError(
-            f"flat: expected the dark capture's {found.shape[0]} x {found.shape[1]} jots, got "
-            f"{ones.shape[0]} x {ones.shape[1]}"
-        )
     measured = measure_response(
         JotCounts(ones, number, found.threshold),
         JotCounts(found.dark_ones, found.dark_frames, found.threshold),

@@ -10,6 +10,7 @@ from jotlight.calibration.calibrate import (
     MAX_DARK,
     JotSums,
     calibrate_sums,
+    check_jots,
     check_limits,
 )
 from jotlight.calibration.captured_sensor import captured_threshold
@@ -24,9 +25,6 @@ from jotlight.sensing.provenance import Provenance
 
 if TYPE_CHECKING:
     import dask.array
-
-_MIN_JOTS = 64
-"""Minimum number of jots in which the ordinary ones can be found."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,16 +147,7 @@ def calibrate(
     }
     sums = (_sums("dark", dark, width), None if flat is None else _sums("flat", flat, width))
     shape = sums[0].blocks.shape[1:]
-    if shape[0] * shape[1] < _MIN_JOTS:
-        raise ValueError(
-            f"dark: expected {_MIN_JOTS} jots or more to find the ordinary ones, got "
-            f"{shape[0] * shape[1]}"
-        )
-    if sums[1] is not None and sums[1].blocks.shape[1:] != shape:
-        raise ValueError(
-            f"flat: expected the dark capture's {shape[0]} x {shape[1]} jots, got "
-            f"{' x '.join(map(str, sums[1].blocks.shape[1:]))}"
-        )
+    check_jots(shape, None if sums[1] is None else sums[1].blocks.shape[1:])
     settings["mosaic"] = None if flat is None else mosaic_of_jots(flat, mosaic, shape)
     arrays = [None if each is None else each.arrays() for each in sums]
     # dask takes the arrays in the list for parts of the graph.
