@@ -113,7 +113,18 @@ def counted(number: int, noun: str) -> str:
     >>> counted(1, "capture"), counted(0, "capture")
     ('1 capture', '0 captures')
     """
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    return f"{number} {plural(number, noun)}"
+
+
+def plural(number: int, noun: str) -> str:
+    """Return the noun of a number that is written in another way, such as "1,000".
+
+    Examples
+    --------
+    >>> f"{1000:,} {plural(1000, 'frame')}"
+    '1,000 frames'
+    """
+    return noun if number == 1 else f"{noun}s"
 
 
 def import_extra(name: str, extra: str, purpose: str) -> Any:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from jotlight.checks import positive_number, refuse_masked, require_intensities, to_array
 from jotlight.drawing import INK, MARK, QUIET
+from jotlight.errors import counted
 from jotlight.files import atomic_write
 from jotlight.networks.figure import draw_layers
 from jotlight.networks.network import Network
@@ -167,7 +168,7 @@ def bits_panel(bits: Bits | Readings, oversampling: int) -> Panel:
     )
     return Panel(
         title,
-        f"{frames} frame{'' if frames == 1 else 's'}, {jots}, {state}",
+        f"{counted(frames, 'frame')}, {jots}, {state}",
         first[::oversampling, ::oversampling],
         first,
     )

@@ -21,7 +21,7 @@ from jotlight.cli.common_options import (
 from jotlight.cli.console import out, progress, report
 from jotlight.cli.method_options import one_method
 from jotlight.cli.sensor_options import EvaluatedSensorOptions
-from jotlight.errors import hide_warnings
+from jotlight.errors import counted, hide_warnings
 from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
 from jotlight.evaluation.methods import DEFAULT_METHOD, find_method
@@ -104,7 +104,7 @@ def evaluate(
             )
         if temporary is not None:
             result.write_csv(temporary)
-    report(f"{title}, {len(names)} image{'s' * (len(names) > 1)}, {exposed!r}")
+    report(f"{title}, {counted(len(names), 'image')}, {exposed!r}")
     out.print(_table(result))
     if output is not None:
         report(f"Scores of each image: {output}")

@@ -24,6 +24,7 @@ from jotlight.cli.training_run import (
     report_training,
     run_training,
 )
+from jotlight.errors import counted
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
@@ -155,7 +156,7 @@ def _report(training: FineTuningOptions, history: History, seconds: float, kind:
     steps = len(history) - 1
     before, after = history.held_out[0], history.held_out[-1]
     report_training(
-        f"{kind}, fine-tuned on this capture, trained in {steps} step{'' if steps == 1 else 's'} "
+        f"{kind}, fine-tuned on this capture, trained in {counted(steps, 'step')} "
         f"and {seconds:.1f} s, "
         f"{before:.5f} to {after:.5f} nats per held-out bit",
         training,

@@ -12,7 +12,7 @@ from jotlight.calibration.jot_counts import JotCounts
 from jotlight.checks import Counts
 from jotlight.cli.captured import Captured
 from jotlight.cli.console import caution, progress
-from jotlight.errors import PeriodicRatesWarning, warn
+from jotlight.errors import PeriodicRatesWarning, counted, warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
@@ -46,11 +46,10 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
     hot = _find_hot_jots(counts, trials, sensor)
     if not hot.any():
         return conflict
-    number = f"{hot.sum()} jot{'' if hot.sum() == 1 else 's'}"
     remark = (
-        f"{number} of {hot.size} look hot, because they are much brighter than their neighbors; "
-        "--find-hot-jots treats them as dead, and `jotlight calibrate` with a dark capture finds "
-        "all hot jots"
+        f"{counted(hot.sum(), 'jot')} of {hot.size} look hot, because they are much brighter than "
+        "their neighbors; --find-hot-jots treats them as dead, and `jotlight calibrate` with a "
+        "dark capture finds all hot jots"
     )
     return [*conflict, ("hot jots", remark)]
 

@@ -11,6 +11,7 @@ from rich.table import Table
 from jotlight.calibration import Calibration
 from jotlight.cli.console import out, report
 from jotlight.cli.sensor_options import PlannedSensorOptions
+from jotlight.errors import counted, plural
 from jotlight.estimators.planned_motion import MIN_FRAMES, MotionPlan
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
@@ -167,7 +168,7 @@ def _motion_line(frames: int, size: tuple[int, int]) -> str:
     cost = motion_cost(frames, size)
     return (
         f"If the scene moves, --motion takes about {cost.seconds:.2g} s on one thread and "
-        f"{cost.memory / 1e6:.0f} MB for {frames} frame{'s' * (frames > 1)} of "
+        f"{cost.memory / 1e6:.0f} MB for {counted(frames, 'frame')} of "
         f"{size[0]} x {size[1]} jots, and {cost.further_seconds:.2g} s for each further image of a "
         "film."
     )
@@ -202,7 +203,7 @@ def _motion_lines(motion: MotionPlan) -> list[str]:
 
 
 def _count(frames: int) -> str:
-    return f"{frames:,} frame{'s' * (frames > 1)}"
+    return f"{frames:,} {plural(frames, 'frame')}"
 
 
 def _frame_numbers(max_frames: int) -> list[int]:

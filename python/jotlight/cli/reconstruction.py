@@ -18,6 +18,7 @@ from jotlight.cli.inputs import Reconstruction
 from jotlight.cli.motion_options import ImageMotionOptions, describe
 from jotlight.cli.output_options import ImageOutputOptions, describe_tone
 from jotlight.cli.records import Records, origin_of
+from jotlight.errors import counted
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.convergence import ConvergenceHistories
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
@@ -194,7 +195,7 @@ def _describe_convergence(histories: ConvergenceHistories) -> str:
     """Return how the iterations ended: those of the channel that took longest."""
     each = histories if isinstance(histories, list) else [histories]
     iterations = max(history.iterations for history in each)
-    text = f"{iterations} iteration{'' if iterations == 1 else 's'}"
+    text = counted(iterations, "iteration")
     if not all(history.converged for history in each):
         text += ", NOT converged"
     if (weight := float(np.mean([np.mean(history.weight) for history in each]))) > 0:

@@ -42,6 +42,7 @@ from jotlight.cli.training_run import (
     report_training,
     run_training,
 )
+from jotlight.errors import plural
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE
 from jotlight.sensing.sensor import Sensor
@@ -285,7 +286,7 @@ def _describe(history: History, seconds: float, steps: int) -> str:
     number = str(steps) if taken == steps else f"{taken} of {steps}"
     ending = "" if taken == steps else "; a larger --seconds allows more"
     return (
-        f"trained in {number} step{'' if steps == 1 else 's'} and {seconds:.1f} s, cost "
+        f"trained in {number} {plural(steps, 'step')} and {seconds:.1f} s, cost "
         f"{first.loss:.4g} to {last.loss:.4g}{_describe_test(first, last)}{ending}"
     )
 

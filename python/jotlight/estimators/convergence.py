@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import positive_number, whole_number
-from jotlight.errors import warn
+from jotlight.errors import counted, warn
 from jotlight.estimators.figure import draw_residuals
 from jotlight.notebook import card
 
@@ -249,7 +249,7 @@ class ConvergenceMonitor:
         last = ", ".join(f"{name} {values[-1]:.2g}" for name, values in residuals.items())
         number = len(next(iter(residuals.values())))
         return (
-            f"not converged after {number} iteration{'' if number == 1 else 's'}: residual "
+            f"not converged after {counted(number, 'iteration')}: residual "
             f"{residual:.2g} ({last}), expected at most tol = {self.tol:g}"
         )
 

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.drawing import MARK, QUIET, set_title
+from jotlight.errors import counted
 from jotlight.sensing.response import Array
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def draw_snr(
     style: dict[str, Any] = {"marker": "o"} if len(light) == 1 else {}
     for place, row in enumerate(shown):
         color = f"C{place}"
-        label = f"{frames[row]} frame{'' if frames[row] == 1 else 's'}"
+        label = counted(frames[row], "frame")
         axes.plot(light, snr[row], color=color, label=label, **style)
         axes.plot(light, bound[row], color=color, linestyle=":", linewidth=1)
     axes.set_xscale("log")

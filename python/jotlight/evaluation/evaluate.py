@@ -13,6 +13,7 @@ import numpy.typing as npt
 import jotlight.metrics as metrics
 from jotlight.argument_types import as_path
 from jotlight.checks import real_number, refuse_masked, require_image_list, shown
+from jotlight.errors import counted
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import write_file
@@ -103,8 +104,7 @@ class Evaluation:
         return text_table(COLUMNS, self.rows())
 
     def _repr_html_(self) -> str:
-        number = len(self.scores)
-        title = f"Evaluation of {number} image{'' if number == 1 else 's'}"
+        title = f"Evaluation of {counted(len(self.scores), 'image')}"
         return card(title, {}) + table_of(COLUMNS, self.rows())
 
     def write_csv(self, path: str | os.PathLike[str]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import Counts
-from jotlight.errors import warn
+from jotlight.errors import counted, warn
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.crop import OneFrame, Region, crop_frames, split_index
@@ -225,9 +225,9 @@ class CountStack:
         return card("CountStack", facts, normalize(self[0]))
 
     def __repr__(self) -> str:
-        images, size, trials = self._facts().values()
-        plural = "" if len(self) == 1 else "s"
-        return f"<CountStack: {images} image{plural} of {size} counts, trials of each: {trials}>"
+        _, size, trials = self._facts().values()
+        number = counted(len(self), "image")
+        return f"<CountStack: {number} of {size} counts, trials of each: {trials}>"
 
 
 Capture = Bits | CountStack

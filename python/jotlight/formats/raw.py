@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from jotlight.errors import warn
+from jotlight.errors import counted, warn
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats.compressed import Stream, measure_gzip, naming_file, open_gzip
 from jotlight.formats.file_reader import FileReader
@@ -113,7 +113,7 @@ def _read_raw_file(
     file = RawFile(path, trailer)
     number, left = divmod(file.size, frame_bytes)
     if left:
-        complete = f"{number} complete frame{'' if number == 1 else 's'}"
+        complete = counted(number, "complete frame")
         warn(f"{path}: {complete} of {frame_bytes} bytes; {left} bytes are left over and not used")
 
     def read(start: int, stop: int) -> Packed:

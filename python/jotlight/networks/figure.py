@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jotlight.drawing import set_title
+from jotlight.errors import plural
 from jotlight.networks.layer import Layer
 
 if TYPE_CHECKING:
@@ -86,8 +87,8 @@ def _draw_filters(axes: "Axes", number: int, layer: Layer) -> None:
     largest = float(np.abs(shown).max()) or 1.0
     image = axes.imshow(sheet, cmap="RdBu_r", vmin=-largest, vmax=largest)
     axes.set_axis_off()
-    plural = "" if len(filters) == 1 else "s"
-    set_title(axes, f"filter{plural} of layer {number}{_limit_note(len(filters))}")
+    noun = plural(len(filters), "filter")
+    set_title(axes, f"{noun} of layer {number}{_limit_note(len(filters))}")
     axes.figure.colorbar(image, ax=axes, shrink=0.9)
 
 

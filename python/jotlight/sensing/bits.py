@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from jotlight.checks import whole_number
 from jotlight.chunks import windows
+from jotlight.errors import counted
 from jotlight.sensing import byte_levels, lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits, warn_about_axes, zeros_and_ones
@@ -342,5 +343,5 @@ class Bits(ArrayHints):
         frames, height, width, *channels = self.shape
         color = f" x {channels[0]} channels" if channels else ""
         sensor = f", {self.sensor!r}" if self.sensor else ""
-        number = f"{frames} frame{'s' * (frames != 1)}"
+        number = counted(frames, "frame")
         return f"<Bits: {number} of {height} x {width} jots{color}{sensor}>"

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import number_in_range, shown, to_array, whole_number_in_range
-from jotlight.errors import warn
+from jotlight.errors import counted, warn
 from jotlight.sensing.maps import LIMITS, MAX_THRESHOLD, checked_threshold_map
 
 Gain = float | npt.NDArray[np.float64]
@@ -165,8 +165,8 @@ def _check_frames(name: str, values: npt.NDArray[Any], frames: int, number: str)
     if values.dtype.kind not in "iuf" or values.shape != (frames,):
         some = ", or a map of the jots" if name == "threshold" else ""
         raise ValueError(
-            f"{name}: expected {number}, or one for each of the {frames} "
-            f"frame{'s' * (frames > 1)}{some}, got {values.dtype} of shape {values.shape}; state "
+            f"{name}: expected {number}, or one for each of the "
+            f"{counted(frames, 'frame')}{some}, got {values.dtype} of shape {values.shape}; state "
             f"the number of frames too, as in Sensor(frames={max(values.shape[0], 2)}, {name}=[…])"
         )
 

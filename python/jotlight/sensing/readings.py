@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from jotlight.checks import refuse_masked, to_array
 from jotlight.chunks import windows
+from jotlight.errors import counted
 from jotlight.notebook import card, normalize
 from jotlight.sensing import preview
 from jotlight.sensing.array_hints import ArrayHints
@@ -243,7 +244,7 @@ class Readings(ArrayHints):
         frames, height, width, *channels = self.shape
         color = f" x {channels[0]} channels" if channels else ""
         return (
-            f"<Readings: {frames} frame{'s' * (frames != 1)} of {height} x {width} jots{color}, "
+            f"<Readings: {counted(frames, 'frame')} of {height} x {width} jots{color}, "
             f"{self.sensor.bit_depth} bits each, {self.sensor!r}>"
         )
 
