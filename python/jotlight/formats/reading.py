@@ -26,7 +26,7 @@ from jotlight.formats.with_mosaic import with_mosaic
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
-from jotlight.sensing.reading_groups import MAX_BIT_DEPTH
+from jotlight.sensing.reading_checks import MAX_BIT_DEPTH
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 

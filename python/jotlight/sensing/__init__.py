@@ -7,7 +7,8 @@ In reading order:
   jot to jot, ``parameters`` treats all of them as a whole, and ``intensity_scale`` serves
   simulations;
 * ``readings``, ``multibit``, and ``draw_readings``: several bits, and read noise;
-  ``reading_groups``: gains and thresholds that differ from frame to frame;
+  ``reading_checks`` checks their parameters, and ``reading_groups`` divides frames into groups
+  with one gain and one threshold;
 * ``mosaic`` with ``mosaic_text`` and ``mosaic_checks``: color filters;
 * ``bits``, ``frames``, and ``provenance``: packed bits in memory or in files, and their origin.
   ``sensor_like`` is what bits need of a sensor, ``counting`` counts their ones, ``lazy`` makes lazy

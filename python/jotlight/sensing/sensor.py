@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.checks import number_in_range, refuse_masked, shown, whole_number_in_range
 from jotlight.parameter_names import check_choice, require_names
-from jotlight.sensing import reading_groups
+from jotlight.sensing import reading_checks, reading_groups
 from jotlight.sensing.exposure import Exposure
 from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
 from jotlight.sensing.mosaic import Mosaic
@@ -122,12 +122,12 @@ class Sensor(Exposure):
         check_choice("kernel", self.kernel, KERNELS)
         gain: float | None = self.gain
         checked: dict[str, Any] = {
-            "gain": reading_groups.checked_gain(self.trials if gain is None else gain, self.frames),
-            "threshold": reading_groups.checked_threshold(self.threshold, self.frames),
+            "gain": reading_checks.checked_gain(self.trials if gain is None else gain, self.frames),
+            "threshold": reading_checks.checked_threshold(self.threshold, self.frames),
         }
         for name in ("max_intensity", *(["exposure_time"] * (self.exposure_time is not None))):
             checked[name] = number_in_range(name, getattr(self, name), *LIMITS)
-        checked |= reading_groups.checked_response(
+        checked |= reading_checks.checked_response(
             self.bit_depth, self.read_noise, checked["threshold"]
         )
         checked |= checked_maps(self.dark_counts, self.efficiency, self.mask, checked["threshold"])
