@@ -34,7 +34,7 @@ class Figure(MatplotlibFigure):
     def thumbnail(self) -> bytes:
         """Return a small PNG of the figure, for the HTML of the object that it shows.
 
-        It is smaller the more bytes its images need.
+        Images that compress badly give a smaller thumbnail.
         """
         from PIL import Image
 

@@ -12,7 +12,7 @@ MAX_CHANNELS = 4
 """Largest length of an axis of colors."""
 
 _MIN_SIDE = 16
-"""Length of two axes from which a third, short one is that of colors."""
+"""Minimum length of the other two axes for a short axis to count as color channels."""
 
 
 def looks_like_color(shape: tuple[int, ...]) -> bool:

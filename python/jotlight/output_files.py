@@ -16,6 +16,7 @@ def open_output(path: Path, *, postpone_errors: bool = False) -> Iterator["Outpu
     Parameters
     ----------
     path : path
+        The file, which is replaced if it exists.
     postpone_errors : bool
         Whether a failed write raises its error only at the end of the block, or in
         :meth:`OutputFile.check`. Libraries that crash when a write fails need this.

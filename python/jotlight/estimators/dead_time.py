@@ -28,8 +28,9 @@ class FreeRunning:
     """A pixel that counts photons, and is blind for a dead time after each detection.
 
     The pixel is live at the beginning of an exposure. Photons during the dead time are lost and do
-    not prolong it. Light is in photons per exposure. Methods take numbers or arrays of any shape,
-    and return arrays of that shape.
+    not prolong it. Light is in photons per exposure, 0 or more. Methods take numbers or arrays of
+    any shape, and return arrays of float64 of that shape. Counts and light are broadcast. A count
+    or a light out of range raises ValueError.
 
     Parameters
     ----------
@@ -86,11 +87,21 @@ class FreeRunning:
         return Renewal(self.dead_time)
 
     def at_least(self, count: npt.ArrayLike, light: npt.ArrayLike) -> Array:
-        """Return P(N ≥ n), the probability of a number of detections or more."""
+        """Return P(N ≥ n), the probability of `count` detections or more, in [0, 1].
+
+        `count` is 0 to :attr:`max_count` + 1, whose probability is 0.
+
+        Examples
+        --------
+        >>> FreeRunning(dead_time=0.3).at_least([0, 1, 5], 2.0).round(4).tolist()
+        [1.0, 0.8647, 0.0]
+        """
         return self._renewal.at_least(self._checked(count, 1), self._rate(light))
 
     def probability(self, count: npt.ArrayLike, light: npt.ArrayLike) -> Array:
-        """Return P(N = n), the probability of a number of detections.
+        """Return P(N = n), the probability of `count` detections, in [0, 1].
+
+        `count` is 0 to :attr:`max_count`.
 
         Examples
         --------
@@ -131,7 +142,7 @@ class FreeRunning:
         return low
 
     def mle(self, counts: npt.ArrayLike) -> Array:
-        """Return the most likely light of each count.
+        """Return the most likely light of each count, in photons per exposure.
 
         A count at saturation has no largest likelihood, and is infinite.
 
@@ -158,6 +169,23 @@ class FreeRunning:
         The probability of the count or more at the lower end is (1 - `confidence_level`)/2, and so
         is that of the count or less at the upper end. So the coverage is at least
         `confidence_level`. At saturation, the upper end is infinite.
+
+        Parameters
+        ----------
+        counts : array_like of int, any shape
+            The counts, 0 to :attr:`max_count`.
+        confidence_level : float
+            The confidence level, 0.5 to 1 - 1e-12.
+
+        Returns
+        -------
+        low, high : ndarray of float64
+            The ends in photons per exposure, of the shape of the counts.
+
+        Raises
+        ------
+        ValueError
+            When a count or the confidence level is out of range.
 
         Examples
         --------
@@ -190,7 +218,7 @@ class FreeRunning:
         return self.efficiency**2 * self._renewal.information(self._rate(light))
 
     def score(self, counts: npt.ArrayLike, light: npt.ArrayLike) -> Array:
-        """Return the derivative of log P(N = n) by the light.
+        """Return the derivative of log P(N = n) by the light, per photon.
 
         Examples
         --------

@@ -205,7 +205,21 @@ class Likelihood:
     ) -> Array:
         """Return ‖light - x‖² of each image after a step of ADMM, which updates `x` and `dual`.
 
-        `step` is (penalty of each image, relaxation). `x` lies in [0, `max_light`].
+        Parameters
+        ----------
+        step : tuple (array of float64 of shape (N,), float)
+            The penalty ρ of each image, and the relaxation, all above 0.
+        max_light : float
+            The upper bound of `x`, 0 to 1e300. The lower one is 0.
+        light : ndarray of float64, shape (N, ...)
+            The light of the cells of N images.
+        x, dual : ndarray of float64, shape (N, ...), in C order
+            The copy of the light that the likelihood determines, and the scaled dual variable.
+
+        Raises
+        ------
+        ValueError
+            When a number is out of range, or an array has another shape.
         """
         cells = (self.shape[0], -1)
         arrays = light.reshape(cells), x.reshape(cells), dual.reshape(cells)

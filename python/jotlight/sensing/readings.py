@@ -150,12 +150,23 @@ class Readings(ArrayHints):
         return (self[frames] for frames in windows(len(self), n, step, name="n"))
 
     def read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:
-        """Return the readings of some frames as an array.
+        """Return the readings of the frames from `start` up to `stop` - 1.
+
+        Returns
+        -------
+        ndarray of uint16, shape (N, H, W) or (N, H, W, C)
 
         Raises
         ------
         ValueError
             When the file holds a reading that the sensor cannot report.
+
+        Examples
+        --------
+        >>> from jotlight.sensing.sensor import Sensor
+        >>> readings = Readings([[[0, 3]], [[1, 2]]], Sensor(frames=2, bit_depth=2))
+        >>> readings.read(1, 2).tolist()
+        [[[1, 2]]]
         """
         part = np.asarray(self.frames[start:stop])
         if isinstance(self.frames, Frames):
