@@ -26,15 +26,15 @@ struct LayerFields {
     skip: Option<usize>,
 }
 
-/// The metadata of a sensor. A parameter that is a map is not among them.
+/// The metadata of a sensor. A parameter that is a map is not among them: a tensor holds it.
 #[derive(Deserialize)]
 struct SensorFields {
     oversampling: u32,
     frames: u32,
     gain: f64,
-    threshold: u32,
-    dark_counts: f64,
-    efficiency: f64,
+    threshold: Option<u32>,
+    dark_counts: Option<f64>,
+    efficiency: Option<f64>,
     max_intensity: f64,
 }
 
@@ -90,7 +90,7 @@ impl Network {
         let served = match range {
             Some((min, max)) if planes > 0 => Served::Planes { min, max },
             Some((min, max)) => Served::Trials { min, max },
-            None => file.sensor(entry("sensor")?)?,
+            None => file.sensor(&tensors, entry("sensor")?)?,
         };
         Self::new(layers, served)?.with_rotations(rotations)
     }
@@ -133,23 +133,61 @@ impl File<'_> {
         })
     }
 
-    fn sensor(&self, json: &str) -> Result<Served> {
+    fn sensor(&self, tensors: &SafeTensors<'_>, json: &str) -> Result<Served> {
         let fields: SensorFields = serde_json::from_str(json).map_err(|e| self.error(e))?;
         let jots = fields.oversampling.checked_mul(fields.oversampling);
         let trials = jots.and_then(|jots| jots.checked_mul(fields.frames));
         let trials = trials.ok_or_else(|| self.error("more than 2^32 trials per pixel"))?;
+        let threshold = fields.threshold.ok_or_else(|| {
+            self.error(
+                "threshold: expected one number, got a map of the jots, which no network serves",
+            )
+        })?;
         Ok(Served::Sensor(SensorModel {
             trials,
             response: PixelResponse {
-                threshold: Threshold::new(fields.threshold)?,
+                threshold: Threshold::new(threshold)?,
                 light_per_intensity: fields.gain / f64::from(trials),
                 max_intensity: fields.max_intensity,
             },
             jot: JotResponse {
-                efficiency: fields.efficiency,
-                dark_counts: fields.dark_counts,
+                efficiency: self.of_median_jot(tensors, "efficiency", fields.efficiency)?,
+                dark_counts: self.of_median_jot(tensors, "dark_counts", fields.dark_counts)?,
             },
         }))
+    }
+
+    /// Return a parameter of the sensor: its number, or the median of its map over the live jots.
+    fn of_median_jot(
+        &self,
+        tensors: &SafeTensors<'_>,
+        name: &str,
+        number: Option<f64>,
+    ) -> Result<f64> {
+        if let Some(number) = number {
+            return Ok(number);
+        }
+        let map = self.array(tensors, &format!("sensor.{name}"))?;
+        let mut live: Vec<f32> = match tensors.tensor("sensor.mask") {
+            Ok(mask) if (mask.dtype(), mask.shape()) != (Dtype::BOOL, map.shape()) => {
+                let (expected, dtype, received) = (map.shape(), mask.dtype(), mask.shape());
+                return Err(self.error(format!(
+                    "sensor.mask: expected BOOL of shape {expected:?}, got {dtype:?} of {received:?}"
+                )));
+            }
+            Ok(mask) if mask.data().contains(&0) => {
+                let jots = map.iter().zip(mask.data());
+                jots.filter_map(|(&value, &dead)| (dead == 0).then_some(value))
+                    .collect()
+            }
+            // All jots are dead, or none is.
+            _ => map.iter().copied().collect(),
+        };
+        live.sort_by(f32::total_cmp);
+        let middle = live.get(live.len() / 2);
+        let &upper = middle.ok_or_else(|| self.error(format!("sensor.{name}: expected jots")))?;
+        let lower = live[(live.len() - 1) / 2];
+        Ok(f32::midpoint(lower, upper).into())
     }
 
     /// Return an array of `f32`, whose numbers may be stored in 16 bits.
@@ -194,7 +232,72 @@ fn from_half(bits: u16) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use safetensors::tensor::TensorView;
+
     use super::*;
+
+    /// Return the content of the file of a network for one K, whose sensor has maps.
+    fn network_with_maps(sensor: &str, tensors: &[(&str, TensorView<'_>)]) -> Vec<u8> {
+        let metadata = [
+            ("format", FORMAT),
+            ("version", VERSION),
+            ("layers", r#"[{"stride": 1, "upsampling": 1}]"#),
+            ("trials_range", "null"),
+            ("sensor", sensor),
+        ];
+        let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_owned()));
+        let tensors = tensors.iter().cloned();
+        safetensors::serialize(tensors, Some(metadata.into())).unwrap_or_default()
+    }
+
+    #[test]
+    fn the_median_of_the_live_jots_replaces_the_maps_of_a_sensor() -> Result<()> {
+        let bytes = |values: &[f32]| -> Vec<u8> {
+            values
+                .iter()
+                .flat_map(|value| value.to_le_bytes())
+                .collect()
+        };
+        let (filter, dark_counts) = (bytes(&[0.1]), bytes(&[0.5, 9.0, 0.25, 0.125]));
+        let tensor = |dtype, shape: &[usize], data| {
+            TensorView::new(dtype, shape.to_vec(), data).map_err(|error| Error::File {
+                name: "network".to_owned(),
+                reason: error.to_string(),
+            })
+        };
+        let filters = (
+            "layers.0.filters",
+            tensor(Dtype::F32, &[1, 1, 1, 1], &filter)?,
+        );
+        let map = (
+            "sensor.dark_counts",
+            tensor(Dtype::F32, &[2, 2], &dark_counts)?,
+        );
+        let mask = |dead| Ok(("sensor.mask", tensor(Dtype::BOOL, &[2, 2], dead)?));
+        let numbers = r#"{"oversampling": 1, "frames": 16, "gain": 16.0, "threshold": 1,
+            "efficiency": 0.5, "max_intensity": 1.0}"#;
+        let dark_counts_of = |tensors: &[_]| {
+            let network = Network::from_bytes("network", &network_with_maps(numbers, tensors))?;
+            match network.served() {
+                Served::Sensor(sensor) => Ok(sensor.jot.dark_counts),
+                other => Err(Error::range("served", "a sensor", format!("{other:?}"))),
+            }
+        };
+        let tensors = [filters.clone(), map.clone()];
+        assert_eq!(dark_counts_of(&tensors)?.to_bits(), f64::to_bits(0.375));
+        for (dead, expected) in &[([0, 1, 0, 0], 0.25), ([0; 4], 0.375), ([1; 4], 0.375)] {
+            let tensors = [filters.clone(), map.clone(), mask(dead)?];
+            assert_eq!(dark_counts_of(&tensors)?.to_bits(), f64::to_bits(*expected));
+        }
+        let error =
+            dark_counts_of(std::slice::from_ref(&filters)).map_err(|error| error.to_string());
+        assert!(error.is_err_and(|text| text.contains("sensor.dark_counts")));
+        let numbers = numbers.replace(r#""threshold": 1,"#, "");
+        let content = network_with_maps(&numbers, &tensors);
+        let error = Network::from_bytes("network", &content).map_err(|error| error.to_string());
+        assert!(error.is_err_and(|text| text.contains("threshold: expected one number")));
+        Ok(())
+    }
 
     #[test]
     fn halves_are_exact() {
