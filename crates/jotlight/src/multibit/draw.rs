@@ -7,13 +7,8 @@ use super::Response;
 use super::poisson::poisson_quantile;
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::rng::{
-    ALIGNMENT, JotRandom, MAX_REFINEMENTS, NOISE_BYTES, REFINEMENT_BITS, RowStream, check_size,
-};
-use crate::sensing::{Exposure, Image, Sensor, Window};
-
-/// The number of jots of a row that are drawn together. It bounds the memory of a thread.
-const JOTS_PER_SEGMENT: usize = 2048;
+use crate::rng::{ALIGNMENT, JotRandom, MAX_REFINEMENTS, NOISE_BYTES, REFINEMENT_BITS, RowStream};
+use crate::sensing::{Exposure, Image, JOTS_PER_SEGMENT, Sensor, Window};
 
 /// Draw the readings of a window of frames and pixels into `out` `(frames, rows·K̂, columns·K̂)`.
 ///
@@ -24,7 +19,8 @@ const JOTS_PER_SEGMENT: usize = 2048;
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the window
-/// exceeds the image, if a parameter of the sensor is not finite or negative, or if there are too many frames, rows, or channels for the random streams.
+/// exceeds the image, if a parameter of the sensor is infinite, NaN, or negative, or if there are too
+/// many frames, rows, or channels for the random streams.
 pub fn draw(
     sensor: &Sensor<'_>,
     response: &Response,
@@ -34,16 +30,8 @@ pub fn draw(
     window: &Window,
     mut out: ArrayViewMut3<'_, u16>,
 ) -> Result<()> {
-    sensor.check(&image)?;
-    window.check(image.shape())?;
-    let oversampling = sensor.kernel.oversampling();
-    sensor.check_values(window.rows.start * oversampling..window.rows.end * oversampling)?;
-    check_size(channel, window.frames.end, sensor.jots(&image)?.0)?;
-    let expected = (
-        window.frames.len(),
-        window.rows.len() * oversampling,
-        window.columns.len() * oversampling,
-    );
+    let (rows, columns) = sensor.check_draw(&image, channel, window)?;
+    let expected = (window.frames.len(), rows.len(), columns.len());
     if out.dim() != expected {
         return Err(Error::shape("out", expected, out.dim()));
     }
@@ -51,14 +39,13 @@ pub fn draw(
         return Ok(());
     }
     let exposure = Exposure { sensor, image };
-    let columns = window.columns.start * oversampling..window.columns.end * oversampling;
     out.axis_iter_mut(Axis(1))
         .into_par_iter()
         .enumerate()
         .for_each_init(
             || RowDrawer::new(seed, response),
             |drawer, (row, mut out)| {
-                let row = window.rows.start * oversampling + row;
+                let row = rows.start + row;
                 for start in columns.clone().step_by(JOTS_PER_SEGMENT) {
                     let stop = (start + JOTS_PER_SEGMENT).min(columns.end);
                     exposure.jot_rates(row, start..stop, &mut drawer.rates);

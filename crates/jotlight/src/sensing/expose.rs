@@ -6,14 +6,11 @@ use rayon::prelude::*;
 use super::exposure::Exposure;
 use super::probability_table::ProbabilityTable;
 use super::row_sampler::RowSampler;
-use super::{Image, Sensor, Window};
+use super::{Image, JOTS_PER_SEGMENT, Sensor, Window};
 use crate::bits::packed_width;
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::rng::{RowStream, check_size};
-
-/// The number of jots of a row that are drawn together. It bounds the memory of a thread.
-const JOTS_PER_SEGMENT: usize = 2048;
+use crate::rng::RowStream;
 
 /// The minimum number of jots per task. Drawing them takes much longer than starting the task.
 const MIN_JOTS_PER_TASK: usize = 1 << 15;
@@ -26,7 +23,8 @@ const MIN_JOTS_PER_TASK: usize = 1 << 15;
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the window
-/// exceeds the image, if a parameter of the sensor is not finite or negative, or if there are too many frames, rows, or channels for the random streams.
+/// exceeds the image, if a parameter of the sensor is infinite, NaN, or negative, or if there are too
+/// many frames, rows, or channels for the random streams.
 pub fn expose(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -35,20 +33,11 @@ pub fn expose(
     window: &Window,
     mut out: ArrayViewMut3<'_, u8>,
 ) -> Result<()> {
-    sensor.check(&image)?;
-    window.check(image.shape())?;
-    let oversampling = sensor.kernel.oversampling();
-    sensor.check_values(window.rows.start * oversampling..window.rows.end * oversampling)?;
-    check_size(channel, window.frames.end, sensor.jots(&image)?.0)?;
-    let expected = (
-        window.frames.len(),
-        window.rows.len() * oversampling,
-        packed_width(window.columns.len() * oversampling),
-    );
+    let (rows, columns) = sensor.check_draw(&image, channel, window)?;
+    let expected = (window.frames.len(), rows.len(), packed_width(columns.len()));
     if out.dim() != expected {
         return Err(Error::shape("out", expected, out.dim()));
     }
-
     if out.is_empty() {
         return Ok(());
     }
@@ -56,7 +45,7 @@ pub fn expose(
     let table = ProbabilityTable::shared(sensor.threshold);
     let jots_per_row = out.len() / window.rows.len() * 8;
     // A task draws whole rows of pixels in all frames, so each probability is computed only once.
-    out.axis_chunks_iter_mut(Axis(1), oversampling)
+    out.axis_chunks_iter_mut(Axis(1), sensor.kernel.oversampling())
         .into_par_iter()
         .enumerate()
         .with_min_len((MIN_JOTS_PER_TASK / jots_per_row).max(1))

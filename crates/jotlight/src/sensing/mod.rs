@@ -26,6 +26,7 @@ use ndarray::{ArrayView2, s};
 
 use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
+use crate::rng::check_size;
 use crate::values::check_not_negative;
 
 pub use count::draw_counts;
@@ -33,6 +34,9 @@ pub use expose::expose;
 pub use kernel::Kernel;
 pub use rate::{probability, rate};
 pub use spread::SpreadOperator;
+
+/// The number of jots of a row that are drawn together. It bounds the memory of a thread.
+pub(crate) const JOTS_PER_SEGMENT: usize = 2048;
 
 /// A view of a two-dimensional image of 32-bit or 64-bit floats.
 #[derive(Clone, Copy, Debug)]
@@ -131,6 +135,23 @@ impl Sensor<'_> {
         check_not_negative("gain per frame", &[self.gain_per_frame])?;
         self.efficiency.check_values("efficiency", rows.clone())?;
         self.dark_counts.check_values("dark counts", rows)
+    }
+
+    /// Check that readings of a window can be drawn. Return its rows and its columns of jots.
+    pub(crate) fn check_draw(
+        &self,
+        image: &Image<'_>,
+        channel: usize,
+        window: &Window,
+    ) -> Result<(Range<usize>, Range<usize>)> {
+        self.check(image)?;
+        window.check(image.shape())?;
+        let oversampling = self.kernel.oversampling();
+        let jots = |pixels: &Range<usize>| pixels.start * oversampling..pixels.end * oversampling;
+        let (rows, columns) = (jots(&window.rows), jots(&window.columns));
+        self.check_values(rows.clone())?;
+        check_size(channel, window.frames.end, self.jots(image)?.0)?;
+        Ok((rows, columns))
     }
 
     /// Return the numbers of rows and of columns of jots.
