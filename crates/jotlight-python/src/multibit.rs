@@ -1,18 +1,17 @@
 //! Readings of several bits, and read noise.
 
 use jotlight::multibit::{self, Cells, Response, Sample};
-use jotlight::sensing::Window;
-use ndarray::Axis;
+use jotlight::sensing::Image;
+use ndarray::ArrayViewMut3;
 use numpy::{
     PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray4,
     PyUntypedArrayMethods,
 };
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::arguments::{PyImages, PyValues, check_length, to_engine_images};
-use crate::sensing::PySensor;
+use crate::sensing::{PySensor, draw_images, to_window};
 use crate::{run, to_python};
 
 /// A response, as the tuple (highest reading, read noise, threshold).
@@ -67,29 +66,11 @@ pub fn draw_readings(
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (sensor, response) = (sensor.to_engine()?, response.to_engine()?);
-    let mut out = out.as_array_mut();
-    let images = to_engine_images(&images);
-    if images.len() != streams.len() || images.len() != out.dim().0 {
-        let received = (images.len(), streams.len(), out.dim().0);
-        return Err(PyValueError::new_err(format!(
-            "images, streams, and out: expected equal numbers, got {received:?}"
-        )));
-    }
-    let window = Window {
-        frames: frames.0..frames.1,
-        rows: rows.0..rows.1,
-        columns: columns.0..columns.1,
+    let (images, window) = (to_engine_images(&images), to_window(frames, rows, columns));
+    let draw = |image: Image<'_>, seed, channel, out: ArrayViewMut3<'_, u16>| {
+        multibit::draw(&sensor, &response, image, seed, channel, &window, out)
     };
-    run(py, threads, || {
-        let places = out.axis_iter_mut(Axis(0)).into_par_iter();
-        let streams = streams.into_par_iter();
-        places
-            .zip(images)
-            .zip(streams)
-            .try_for_each(|((out, image), (seed, channel))| {
-                multibit::draw(&sensor, &response, image, seed, channel, &window, out)
-            })
-    })
+    draw_images(py, images, streams, out.as_array_mut(), threads, draw)
 }
 
 /// Return the log-likelihood of cells, where `light` is the light of each.

@@ -1,9 +1,10 @@
 //! The sensor model: random bits, rates, detection probabilities, and the operator G.
 
+use jotlight::error::Result;
 use jotlight::likelihood::Threshold;
 use jotlight::numbers::inner_product;
-use jotlight::sensing::{self, Kernel, Sensor, SpreadOperator, Window};
-use ndarray::Axis;
+use jotlight::sensing::{self, Image, Kernel, Sensor, SpreadOperator, Window};
+use ndarray::{ArrayViewMut3, ArrayViewMut4, Axis};
 use numpy::{
     PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3, PyReadwriteArray4,
 };
@@ -57,28 +58,42 @@ pub fn expose(
     mut out: PyReadwriteArray4<'_, u8>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (sensor, mut out) = (sensor.to_engine()?, out.as_array_mut());
-    let images = to_engine_images(&images);
+    let sensor = sensor.to_engine()?;
+    let (images, window) = (to_engine_images(&images), to_window(frames, rows, columns));
+    let draw = |image: Image<'_>, seed, channel, out: ArrayViewMut3<'_, u8>| {
+        sensing::expose(&sensor, image, seed, channel, &window, out)
+    };
+    draw_images(py, images, streams, out.as_array_mut(), threads, draw)
+}
+
+/// Return the window of ranges of frames, rows of pixels, and columns of pixels.
+pub fn to_window(frames: (usize, usize), rows: (usize, usize), columns: (usize, usize)) -> Window {
+    Window {
+        frames: frames.0..frames.1,
+        rows: rows.0..rows.1,
+        columns: columns.0..columns.1,
+    }
+}
+
+/// Draw each image with its seed and channel into its part of `out`.
+pub fn draw_images<T: Send + Sync>(
+    py: Python<'_>,
+    images: Vec<Image<'_>>,
+    streams: Vec<([u8; 32], usize)>,
+    mut out: ArrayViewMut4<'_, T>,
+    threads: Option<isize>,
+    draw: impl Fn(Image<'_>, [u8; 32], usize, ArrayViewMut3<'_, T>) -> Result<()> + Sync + Send,
+) -> PyResult<()> {
     if images.len() != streams.len() || images.len() != out.dim().0 {
         let received = (images.len(), streams.len(), out.dim().0);
         return Err(PyValueError::new_err(format!(
             "images, streams, and out: expected equal numbers, got {received:?}"
         )));
     }
-    let window = Window {
-        frames: frames.0..frames.1,
-        rows: rows.0..rows.1,
-        columns: columns.0..columns.1,
-    };
     run(py, threads, || {
         let places = out.axis_iter_mut(Axis(0)).into_par_iter();
-        let streams = streams.into_par_iter();
-        places
-            .zip(images)
-            .zip(streams)
-            .try_for_each(|((out, image), (seed, channel))| {
-                sensing::expose(&sensor, image, seed, channel, &window, out)
-            })
+        let drawn = places.zip(images).zip(streams);
+        drawn.try_for_each(|((out, image), (seed, channel))| draw(image, seed, channel, out))
     })
 }
 
