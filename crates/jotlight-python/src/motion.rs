@@ -4,7 +4,7 @@ use jotlight::bits::PackedBits;
 use jotlight::motion::{
     self, Comparison, Counts, Displacements, Equations, ShiftedCounts, Sums, Template, Windows,
 };
-use numpy::{IntoPyArray, PyArray3};
+use numpy::{Element, IntoPyArray, PyArray3};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::exceptions::PyTypeError;
@@ -34,6 +34,17 @@ pub(crate) use for_counts;
 
 pub(crate) fn mixed_counts() -> PyErr {
     PyTypeError::new_err("counts: expected arrays that are all int32 or all float32")
+}
+
+/// Return the ones and the trials of pixels.
+pub fn counts_of<'a, C: Element>(
+    ones: &'a PyReadonlyArray2<'_, C>,
+    trials: &'a PyReadonlyArray2<'_, C>,
+) -> Counts<'a, C> {
+    Counts {
+        ones: ones.as_array(),
+        trials: trials.as_array(),
+    }
 }
 
 /// Add values of the jots along a motion to `out`. The motion is that of [`count_shifted`].
@@ -212,10 +223,7 @@ pub fn chi_squared(
 ) -> PyResult<()> {
     let out = out.as_array_mut();
     for_counts!(ones, trials => {
-        let parts = [Counts {
-            ones: ones.as_array(),
-            trials: trials.as_array(),
-        }];
+        let parts = [counts_of(&ones, &trials)];
         let comparison = Comparison {
             parts: &parts,
             probability: probability.as_array(),
@@ -240,14 +248,8 @@ pub fn disagreement(
     let out = out.as_array_mut();
     for_counts!(ones, trials, other_ones, other_trials => {
         let (first, second) = (
-            Counts {
-                ones: ones.as_array(),
-                trials: trials.as_array(),
-            },
-            Counts {
-                ones: other_ones.as_array(),
-                trials: other_trials.as_array(),
-            },
+            counts_of(&ones, &trials),
+            counts_of(&other_ones, &other_trials),
         );
         run(py, threads, || motion::disagreement(&first, &second, out))
     })

@@ -2,13 +2,13 @@
 
 use jotlight::error::Result;
 use jotlight::motion::{
-    self, Accepted, Counts, Curve, Limits, Logarithms, Object, Relative, Seen, TILE, Tested, Totals,
+    self, Accepted, Curve, Limits, Logarithms, Object, Relative, Seen, TILE, Tested, Totals,
 };
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
-use crate::motion::{PyCounts, for_counts};
+use crate::motion::{PyCounts, counts_of, for_counts};
 use crate::{run, run_alone};
 
 /// Add images of counts to `out`.
@@ -73,10 +73,7 @@ pub fn accept_agreeing(
 ) -> PyResult<Vec<bool>> {
     let (mut tested, mut masks) = (Vec::new(), Vec::new());
     for (near, own, mask) in &mut blocks {
-        let counts = near.iter().map(|(ones, trials)| Counts {
-            ones: ones.as_array(),
-            trials: trials.as_array(),
-        });
+        let counts = near.iter().map(|(ones, trials)| counts_of(ones, trials));
         tested.push(Tested {
             near: counts.collect(),
             own: *own,
@@ -128,14 +125,8 @@ pub fn relative_brightness(
 ) -> PyResult<f64> {
     for_counts!(ones, trials, other_ones, other_trials => {
         let (first, second) = (
-            Counts {
-                ones: ones.as_array(),
-                trials: trials.as_array(),
-            },
-            Counts {
-                ones: other_ones.as_array(),
-                trials: other_trials.as_array(),
-            },
+            counts_of(&ones, &trials),
+            counts_of(&other_ones, &other_trials),
         );
         run(py, threads, || motion::relative_brightness(&first, &second))
     })
@@ -171,10 +162,7 @@ pub fn add_object_gain(
     for_counts!(ones, trials => {
         let object = Object {
             label,
-            counts: Counts {
-                ones: ones.as_array(),
-                trials: trials.as_array(),
-            },
+            counts: counts_of(&ones, &trials),
             predicted: predicted.as_array(),
         };
         run(py, threads, || {
