@@ -12,7 +12,7 @@ use crate::numbers::MAX_LANES;
 
 /// The number of values to which rows are aligned: a cache line of `f32`. A register that two cache
 /// lines share takes twice as long to read.
-const LINE: usize = MAX_LANES;
+pub(crate) const LINE: usize = MAX_LANES;
 
 /// A strip: a range of rows of a stack of planes.
 #[derive(Clone, Debug, Default)]
@@ -68,7 +68,7 @@ impl RowLayout {
 }
 
 /// Return the index of the first value that begins a cache line.
-fn line_start<F>(values: &[F]) -> usize {
+pub(crate) fn line_start<F>(values: &[F]) -> usize {
     values
         .as_ptr()
         .align_offset(LINE * size_of::<F>())

@@ -3,13 +3,13 @@
 //! The planes of a block are copied to rows of pairs of inputs. The three copies are shifted by a
 //! column, so no tile divides a cache line, which would take several times as long to load.
 
-use super::{FILTER_SIZE, SIDE, TileFilters, TileUnit, aligned_start, pair_of};
+use super::{FILTER_SIZE, SIDE, TileFilters, TileUnit, pair_of};
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
 use crate::network::convolution::winograd::Finish;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strip_workspace::interleave_inlined;
-use crate::network::tiling::strips::{PlaneRow, PlanesMut, StripedPlanes};
+use crate::network::tiling::strips::{LINE, PlaneRow, PlanesMut, StripedPlanes, line_start};
 use crate::numbers::Real;
 use crate::sensing::mirror_index;
 
@@ -58,9 +58,9 @@ impl TileFilters {
         let length = (FILTER_SIZE * rows + SIDE) * COLUMNS;
         let sums_length = self.groups * self.shape.outputs * ROWS * COLUMNS;
         let TileWorkspace { pairs, sums } = workspace;
-        pairs.resize(pairs.len().max(length + SIDE), 0);
-        sums.resize(sums.len().max(sums_length + SIDE), F::zero());
-        let (first, first_sum) = (aligned_start(pairs), aligned_start(sums));
+        pairs.resize(pairs.len().max(length + LINE), 0);
+        sums.resize(sums.len().max(sums_length + LINE), F::zero());
+        let (first, first_sum) = (line_start(pairs), line_start(sums));
         let pairs = &mut pairs[first..][..length];
         pairs[FILTER_SIZE * rows * COLUMNS..].fill(0);
         for column in (0..output.columns.len()).step_by(COLUMNS) {

@@ -171,11 +171,3 @@ impl TileFilters {
 fn pair_of(first: f32, second: f32) -> u32 {
     first.to_bits() >> 16 | second.to_bits() & 0xffff_0000
 }
-
-/// Return the index of the first value that begins a cache line.
-fn aligned_start<T>(values: &[T]) -> usize {
-    values
-        .as_ptr()
-        .align_offset(SIDE * size_of::<T>())
-        .min(SIDE)
-}
