@@ -202,25 +202,10 @@ impl ExactInverse {
 /// [`Error::Shape`] if the lengths of the arrays do not match.
 pub fn map(
     values: ArrayView1<'_, f32>,
-    mut out: ArrayViewMut1<'_, f32>,
+    out: ArrayViewMut1<'_, f32>,
     function: impl Fn(f64) -> f64 + Sync,
 ) -> Result<()> {
-    if values.len() != out.len() {
-        return Err(Error::shape("out", values.len(), out.len()));
-    }
-    let values = values.axis_chunks_iter(Axis(0), VALUES_PER_CHUNK);
-    out.axis_chunks_iter_mut(Axis(0), VALUES_PER_CHUNK)
-        .into_par_iter()
-        .zip(values)
-        .for_each(|(out, values)| {
-            if interrupt::is_requested() {
-                return;
-            }
-            Zip::from(out)
-                .and(values)
-                .for_each(|out, &value| *out = function(f64::from(value)) as f32);
-        });
-    Ok(())
+    map_indexed(values, out, |_, value| function(value))
 }
 
 /// Apply `function` to each value and its number of trials in parallel, and write the results into
@@ -228,18 +213,25 @@ pub fn map(
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for trials that are
-/// negative or not finite.
+/// infinite, NaN, or negative.
 pub fn map_with_trials(
     values: ArrayView1<'_, f32>,
     trials: Values<'_, f64>,
-    mut out: ArrayViewMut1<'_, f32>,
+    out: ArrayViewMut1<'_, f32>,
     function: impl Fn(f64, f64) -> f64 + Sync,
 ) -> Result<()> {
     trials.check("trials", values.len())?;
-    let trials = match trials {
-        Values::Same(trials) => return map(values, out, |value| function(value, trials)),
-        Values::Each(trials) => trials,
-    };
+    map_indexed(values, out, |index, value| {
+        function(value, trials.get(index))
+    })
+}
+
+/// Apply `function` to the index of each value and the value in parallel.
+fn map_indexed(
+    values: ArrayView1<'_, f32>,
+    mut out: ArrayViewMut1<'_, f32>,
+    function: impl Fn(usize, f64) -> f64 + Sync,
+) -> Result<()> {
     if values.len() != out.len() {
         return Err(Error::shape("out", values.len(), out.len()));
     }
@@ -247,16 +239,16 @@ pub fn map_with_trials(
     out.axis_chunks_iter_mut(Axis(0), VALUES_PER_CHUNK)
         .into_par_iter()
         .zip(values)
-        .zip(trials.par_chunks(VALUES_PER_CHUNK))
-        .for_each(|((out, values), trials)| {
+        .enumerate()
+        .for_each(|(chunk, (out, values))| {
             if interrupt::is_requested() {
                 return;
             }
-            Zip::from(out)
+            let first = chunk * VALUES_PER_CHUNK;
+            Zip::indexed(out)
                 .and(values)
-                .and(trials)
-                .for_each(|out, &value, &trials| {
-                    *out = function(f64::from(value), trials) as f32;
+                .for_each(|index, out, &value| {
+                    *out = function(first + index, f64::from(value)) as f32;
                 });
         });
     Ok(())
