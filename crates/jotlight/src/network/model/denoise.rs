@@ -224,17 +224,11 @@ fn amplify(
 ) -> Array2<f32> {
     let mut raised = Array2::zeros(estimate.dim());
     let (own, served) = (own.to_array(), served.to_array());
-    let (Some(own), Some(served)) = (
-        own.broadcast(estimate.dim()),
-        served.broadcast(estimate.dim()),
-    ) else {
-        return raised;
-    };
     Zip::from(&mut raised)
         .and(estimate)
         .and(fractions)
-        .and(own)
-        .and(served)
+        .and_broadcast(&own)
+        .and_broadcast(&served)
         .par_for_each(|raised, &estimate, &fraction, &own, &served| {
             let base = estimate.sqrt().asin();
             let data = stabilize(fraction, own);
@@ -251,16 +245,10 @@ fn add_change(
     (own, served): (&LocalTrials, &LocalTrials),
 ) {
     let (own, served) = (own.to_array(), served.to_array());
-    let (Some(own), Some(served)) = (
-        own.broadcast(estimate.dim()),
-        served.broadcast(estimate.dim()),
-    ) else {
-        return;
-    };
     Zip::from(estimate)
         .and(denoised)
-        .and(own)
-        .and(served)
+        .and_broadcast(&own)
+        .and_broadcast(&served)
         .par_for_each(|estimate, &denoised, &own, &served| {
             let gain = (own / served).sqrt();
             if gain > 1.0 {
