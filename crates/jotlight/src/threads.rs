@@ -23,8 +23,8 @@ const MAX_IDLE_POOLS: usize = 4;
 /// The maximum number of threads of a pool. It exceeds the number of cores of any processor.
 const MAX_THREADS: usize = 1024;
 
-/// At most this many calling threads receive a pool of one thread, and a pool of several threads. When
-/// a calling thread ends, about 3 KiB per thread of its pool remain allocated.
+/// The maximum numbers of calling threads that own a pool of one thread, and of several. When a calling
+/// thread ends, about 3 KiB per thread of its pool remain allocated.
 const MAX_OWN_POOLS: [usize; 2] = [64, 4];
 
 /// The numbers of calling threads that have received pools of one and of several threads.

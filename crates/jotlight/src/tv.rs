@@ -126,7 +126,7 @@ pub fn adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a threshold
-/// that is not finite or below 0, or if the image is empty.
+/// that is infinite, NaN, or negative, or if the image is empty.
 pub fn shrink(
     mut differences: ArrayViewMut3<'_, f64>,
     threshold: Values<'_, f64>,
@@ -159,8 +159,8 @@ pub fn shrink(
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a penalty or a
-/// relaxation that is not finite and above 0, for a weight that is not finite or below 0, or if the
-/// image is empty.
+/// relaxation that is not a finite number above 0, for a weight that is infinite, NaN, or negative,
+/// or if the image is empty.
 pub fn admm_update(
     step: &AdmmStep,
     weight: Values<'_, f64>,
@@ -217,7 +217,7 @@ pub fn admm_update(
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a weight that
-/// is not finite or below 0, or if the image is empty.
+/// is infinite, NaN, or negative, or if the image is empty.
 pub fn total_variation(
     differences: ArrayView3<'_, f64>,
     weight: Values<'_, f64>,

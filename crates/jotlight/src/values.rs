@@ -86,7 +86,7 @@ fn is_valid<F: Real>(value: F) -> bool {
 }
 
 levels! {
-    /// Set `are_valid` to false if a number is not finite, or negative.
+    /// Set `are_valid` to false if a number is infinite, NaN, or negative.
     fn include_validity[F: Real](values: &[F], are_valid: &mut bool) = include_validity_inlined;
 }
 

@@ -78,7 +78,7 @@ impl<'a> JointReadings<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] if a term has another number of cells. [`Error::Range`] for a cell index
-    /// beyond the cells, and for light that is not finite or negative.
+    /// beyond the cells, and for light that is infinite, NaN, or negative.
     pub fn new(terms: Vec<Term<'a>>, height: usize, width: usize) -> Result<Self> {
         let pixels = height.saturating_mul(width);
         for term in &terms {
@@ -108,8 +108,8 @@ impl<'a> JointReadings<'a> {
     /// likelihood is highest. `offset` is δ.
     ///
     /// # Errors
-    /// [`Error::Shape`] for another number of intensities. [`Error::Range`] if `highest` is not finite
-    /// and above 0, or `offset` is not finite or negative.
+    /// [`Error::Shape`] for another number of intensities. [`Error::Range`] if `highest` is not a
+    /// finite number above 0, or `offset` is infinite, NaN, or negative.
     pub fn maximize(&self, highest: f64, offset: f64, intensity: &mut [f64]) -> Result<()> {
         check_search(highest, offset)?;
         let cells = with_tables(&self.terms, ScoreTable::new);
@@ -127,7 +127,7 @@ impl<'a> JointReadings<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] for another number of intensities or totals. [`Error::Range`] if `highest` is
-    /// not finite and above 0, or `offset` is not finite or negative.
+    /// not a finite number above 0, or `offset` is infinite, NaN, or negative.
     pub fn solve_total(
         &self,
         total: &[f64],

@@ -44,7 +44,7 @@ impl<'a> Readings<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count
-    /// outside 0 to n, and for an efficiency or dark counts that are not finite or below 0.
+    /// outside 0 to n, and for an efficiency or dark counts that are infinite, NaN, or negative.
     pub fn new(
         threshold: Threshold,
         ones: &'a [i32],

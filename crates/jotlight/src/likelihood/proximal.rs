@@ -105,7 +105,7 @@ impl Readings<'_> {
     ///
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty or
-    /// a relaxation that is not finite and above 0, or for a `max_light` outside 0 to 10³⁰⁰.
+    /// a relaxation that is not a finite number above 0, or for a `max_light` outside 0 to 10³⁰⁰.
     pub fn admm_update(
         &self,
         step: &AdmmStep,

@@ -114,8 +114,8 @@ impl PixelResponse {
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside
-/// 0 to `trials`, and for parameters of the response that are not finite, or negative. Values that
-/// were written to `out` before have no meaning.
+/// 0 to `trials`, and for parameters of the response that are infinite, NaN, or negative. Values
+/// that were written to `out` before have no meaning.
 pub fn from_counts(
     response: &PixelResponse,
     counts: &[i32],
@@ -156,7 +156,7 @@ pub fn from_counts(
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for parameters of the
-/// response that are not finite, or negative, and for an efficiency of 0.
+/// response that are infinite, NaN, or negative, and for an efficiency of 0.
 pub fn from_probability(
     response: &PixelResponse,
     probability: &[f32],
@@ -223,7 +223,7 @@ fn one_photon_intensities_inlined(
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside
-/// 0 to `trials`, and for other parameters that are not finite, or negative.
+/// 0 to `trials`, and for other parameters that are infinite, NaN, or negative.
 pub fn equivalent_counts(
     response: &PixelResponse,
     counts: &[i32],

@@ -70,10 +70,11 @@ pub(super) fn brightness_of_blocks<C: Count>(
 
 /// Write χ² of each pixel into `out`. It is about 1 if the counts agree with the template.
 ///
-/// N, D, and D p are the counts with a few more ones and zeros, 0.02 each. The residual counts N/β − D p and
-/// their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of 3 pixels. The ratio of the squared residual to the variance is averaged over those of 9 pixels
-/// that have trials, and over one more pixel whose ratio is 1. β is the brightness of the block, the
-/// ratio of Σ N to Σ D p.
+/// N, D, and D p are the counts with a few more ones and zeros, 0.02 each. The residual counts
+/// N/β − D p and their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of 3 pixels. The
+/// ratio of the squared residual to the variance is averaged over those of 9 pixels that have
+/// trials, and over one more pixel whose ratio is 1. β is the brightness of the block, the ratio of
+/// Σ N to Σ D p.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is

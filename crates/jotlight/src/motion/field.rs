@@ -34,8 +34,8 @@ impl<'a> Displacements<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] and [`Error::Range`] if the width of a tile is 0, there is no field, or a
-    /// field does not cover `rows` × `columns` pixels, or has displacements that are not finite or
-    /// above 100,000 pixels.
+    /// field does not cover `rows` × `columns` pixels, or has displacements that are infinite, NaN,
+    /// or above 100,000 pixels.
     pub fn new(
         fields: ArrayView4<'a, f32>,
         tile: Option<usize>,

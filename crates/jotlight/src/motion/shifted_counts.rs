@@ -40,8 +40,9 @@ pub struct ShiftedCounts<'a> {
 
 /// Count the ones of frames whose pixels are displaced, and write their numbers into `sums`.
 ///
-/// `times[t]` is the time of frame t: at an integer n, it has the displacements of field n. Bits that come from outside the frame, or whose bit in the packed mask `valid`
-/// `(H, ⌈W/8⌉)` is 0, are no trials.
+/// `times[t]` is the time of frame t: at an integer n, it has the displacements of field n. Bits that
+/// come from outside the frame, or whose bit in the packed mask `valid` `(H, ⌈W/8⌉)` is 0, are no
+/// trials.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a time is not in

@@ -37,7 +37,7 @@ impl<'a> Cells<'a> {
     /// # Errors
     /// [`Error::Shape`] if the lengths do not match. [`Error::Range`] for a reading above the
     /// highest one, a negative number in a histogram, and for an efficiency or dark counts that are
-    /// not finite or below 0.
+    /// infinite, NaN, or negative.
     pub fn new(
         response: &'a Response,
         sample: Sample<'a>,

@@ -37,8 +37,8 @@ pub(crate) fn can_draw_counts(sensor: &Sensor<'_>) -> bool {
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes do not match. [`Error::Range`] for a sensor with a smooth kernel,
-/// maps, dead jots, or a threshold above 64 photons, for a parameter of the sensor that is not finite
-/// or negative, and if the counts or the index are too large.
+/// maps, dead jots, or a threshold above 64 photons, for a parameter of the sensor that is
+/// infinite, NaN, or negative, and if the counts or the index are too large.
 pub fn draw_counts(
     sensor: &Sensor<'_>,
     frames: usize,

@@ -18,7 +18,7 @@ const COLUMNS_PER_QUESTION: usize = 1 << 12;
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if `out` does not
-/// hold rows of jots of the image, or if a parameter of the sensor is not finite or negative.
+/// hold rows of jots of the image, or if a parameter of the sensor is infinite, NaN, or negative.
 pub fn rate(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -34,7 +34,7 @@ pub fn rate(
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if `out` does not
-/// hold rows of jots of the image, or if a parameter of the sensor is not finite or negative.
+/// hold rows of jots of the image, or if a parameter of the sensor is infinite, NaN, or negative.
 pub fn probability(
     sensor: &Sensor<'_>,
     image: Image<'_>,

@@ -24,8 +24,8 @@ const ROUNDED_UP: f64 = 2.0 / 3.0;
 /// The largest level may have this fraction of the largest number of trials, which costs nothing.
 const FEWER: f64 = 0.9;
 
-/// It does if more than this share of the pixels has trials from `FEWER` to `NEAR` times the largest
-/// number. Otherwise, these pixels would need two levels.
+/// The largest level is lowered if more than this share of the pixels has trials from `FEWER` to `NEAR`
+/// times the largest number. Otherwise, these pixels would need two levels.
 const MIN_SHARE: f64 = 0.03;
 
 /// See [`MIN_SHARE`].

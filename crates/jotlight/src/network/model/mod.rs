@@ -264,7 +264,7 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Range`] if the network does not serve the sensor, or if the light, the largest
-    /// intensity, the efficiency, or the dark counts are not finite, or negative.
+    /// intensity, the efficiency, or the dark counts are infinite, NaN, or negative.
     pub fn prepare(&self, sensor: SensorModel) -> Result<Reconstruction<'_>> {
         Reconstruction::new(self, sensor)
     }
