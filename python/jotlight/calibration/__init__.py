@@ -2,7 +2,8 @@
 
 - `calibrate`: from captures to a `Calibration`. `captured_sensor`: which bits it takes.
 - `bulk`: the distribution of the dark counts of ordinary jots, which identifies the hot ones.
-- `flat`: the response of each jot, from the `light` on it; `dead_jots`, and the `prnu` of others.
+- `flat`: the response of each jot, from the `light` on it; `dead_jots`, `outliers`, and the `prnu`
+  of the others.
 - `evenness`: tests for the image of a scene, and for a mosaic, in a flat capture.
 - `agreement`: the test whether hot jots have their dark counts in another capture, too.
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
