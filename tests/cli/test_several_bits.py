@@ -75,13 +75,21 @@ def test_noisy_bits_are_simulated_and_reconstructed(run, photo):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:what the image shows is out of view")
 def test_moving_scenes_have_images_and_films(run, photo):
-    options = ("--motion", "shake", "-k", 1, "-t", 24, "--bit-depth", 4, "--gain", 24)
+    options = ("--motion", "shake", "-k", 1, "-t", 24, "--bit-depth", 4, "--gain", 72)
     status, text = run("simulate", photo, "-o", "r.npy", *options)
     assert status == 0
     assert "24 frames of 32 x 32 jots, 4 bits each" in text
     status, text = run("reconstruct", "r.npy", "-o", "a.npy", "--motion", "-m", "mle")
     assert status == 0
     assert "motion: " in text
+    known = ("--units", "photons", "--uncertainty", "u.npz")
+    status, text = run("reconstruct", "r.npy", "-o", "b.npy", "--motion", "-m", "mle", *known)
+    photons = np.load("b.npy")
+    np.testing.assert_allclose(photons, 3 * np.load("a.npy"), rtol=1e-5)
+    assert f"frame {photons.min():.3g} to {photons.max():.3g}" in text
+    with np.load("u.npz") as stored:
+        assert stored["high"].max() == pytest.approx(3)
+        assert (stored["low"] <= photons).all()
     status, text = run(
         "film", "r.npy", "-o", "f.npy", "--window", 16, "--step", 4, "--motion", "-m", "mle"
     )

@@ -10,6 +10,8 @@ from jotlight.estimators.brightness import (
     training_sensor,
     unit_scale,
 )
+from jotlight.layout import Layout
+from jotlight.sensing.pixel_counts import GrayImages
 
 
 @pytest.mark.parametrize("threshold", [1, 3])
@@ -54,6 +56,15 @@ def test_units_count_the_detected_photons_of_a_pixel(units, expected):
     assert unit_scale(sensor, units) == pytest.approx(expected, rel=1e-12)
     # A second has 1 / exposure_time frames, whatever their number in the capture.
     assert unit_scale(sensor.replace(frames=40), units) == pytest.approx(expected, rel=1e-12)
+
+
+def test_units_of_equivalent_counts_are_those_of_a_frame():
+    sensor = jl.Sensor(frames=10, gain=20)
+    each = [jl.Merged([[3]], 9.0, sensor, light_share=share) for share in (0.1, 0.1, 0.2)]
+    assert unit_scale(sensor, "photons", each[0]) == pytest.approx(20)
+    assert unit_scale(sensor, "photons", GrayImages(each[:2], Layout((2,)))) == pytest.approx(20)
+    with pytest.raises(ValueError, match="because the frames have different gains"):
+        unit_scale(sensor, "photons", GrayImages(each, Layout((3,))))
 
 
 @pytest.mark.parametrize(

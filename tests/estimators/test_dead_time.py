@@ -156,6 +156,8 @@ def test_the_most_likely_intensity_is_that_of_the_count(pixel):
     merged = pixel.merge(counts, light=60.0)
     expected = np.clip(pixel.mle(counts) / 60, 0, 1)
     np.testing.assert_allclose(jl.mle(merged), expected, atol=2e-6, rtol=1e-5)
+    photons = jl.reconstruct(merged, method="mle", units="photons")
+    np.testing.assert_allclose(photons, pixel.efficiency * 60 * expected, atol=1e-4, rtol=1e-5)
 
 
 @pytest.mark.parametrize("pixel", COUNTING)

@@ -124,6 +124,31 @@ def test_colors_and_stacks_are_merged():
     assert [one.shape for one in stack] == [(8, 9)] * 3
 
 
+@pytest.mark.parametrize("units", ["photons", "photons-per-second"])
+@pytest.mark.parametrize(
+    "sensor", [*SENSORS[2:], jl.Sensor(frames=4, bit_depth=4, gain=24.0, efficiency=0.5)], ids=repr
+)
+def test_photons_are_those_of_the_readings(sensor, units):
+    data = expose(sensor.replace(exposure_time=1e-3))
+    merged = jl.merge_readings(data)
+    shared = {"method": "mle", "units": units}
+    expected = jl.reconstruct(data, **shared)
+    np.testing.assert_allclose(jl.reconstruct(merged, **shared), expected, rtol=1e-4)
+    stack = jl.reconstruct([merged, merged], **shared)
+    np.testing.assert_allclose(stack, [expected, expected], rtol=1e-4)
+    known, plain = jl.uncertainty(merged, **shared), jl.uncertainty(merged, method="mle")
+    factor = expected.max() / jl.mle(data).max()
+    np.testing.assert_allclose(known.high, factor * plain.high, rtol=1e-4)
+
+
+def test_a_merged_bracket_has_no_units_of_photons():
+    color = SENSORS[0].expose(np.full((2, 2, 3), 0.5), rng=0, channel_axis=-1)
+    for merged in (jl.merge_readings(expose(SENSORS[0])), jl.merge_readings(color)):
+        for function in (jl.reconstruct, jl.uncertainty):
+            with pytest.raises(ValueError, match='units: expected "intensity", because the frame'):
+                function(merged, method="mle", units="photons")
+
+
 @pytest.mark.slow
 def test_all_methods_take_the_result():
     merged = jl.merge_readings(expose(SENSORS[0]))

@@ -95,6 +95,19 @@ def test_the_counts_of_a_bracket_are_sums_over_cycles(sensor):
     np.testing.assert_array_equal(counts, expected)
 
 
+@pytest.mark.parametrize("sensor", [SENSORS[3], BRACKETS[2], BRACKETS[3]], ids=repr)
+def test_photons_of_corrected_counts_are_those_of_a_frame(sensor):
+    converted = counts_of_readings(flat(sensor), None)
+    merged = converted.correct(whole(converted))
+    photons = jl.reconstruct(merged, method="mle", units="photons").mean()
+    assert photons == pytest.approx(0.6 * sensor.efficiency * sensor.gain / sensor.frames, rel=0.02)
+
+
+def test_corrected_counts_of_a_bracket_have_no_units_of_photons():
+    converted = counts_of_readings(flat(BRACKETS[0]), None)
+    assert converted.correct(whole(converted)).light_share is None
+
+
 @pytest.mark.parametrize("sensor", [*SENSORS, *BRACKETS], ids=repr)
 @pytest.mark.parametrize("intensity", [0.05, pytest.param(0.6, marks=pytest.mark.slow)])
 def test_corrected_counts_have_no_bias_and_state_their_noise(sensor, intensity):

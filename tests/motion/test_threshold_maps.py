@@ -136,6 +136,8 @@ def test_joined_counts_have_no_bias_and_state_their_noise(thresholds, intensity)
     assert abs(error) < 4 / np.sqrt(information.sum()) + 0.01 * intensity
     assert expected.mean() == pytest.approx(information.mean(), rel=0.1)
     assert not joined.flags.any()
+    photons = jl.reconstruct(joined, method="mle", units="photons").mean()
+    assert photons == pytest.approx(sensor.gain / sensor.frames * jl.mle(joined).mean())
 
 
 def test_each_jot_is_in_the_sensor_of_its_threshold():

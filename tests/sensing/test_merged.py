@@ -94,6 +94,7 @@ def test_a_constant_map_is_as_uniform_as_a_number():
         ),
         ((ONES, 8, SENSOR), {"flags": TRIALS}, TypeError, "flags: expected an array of bool"),
         ((ONES, 8, SENSOR), {"flags": [True]}, ValueError, "flags: expected one value per pixel"),
+        ((ONES, 8, SENSOR), {"light_share": 0}, ValueError, "light_share: expected a finite num"),
     ],
 )
 def test_arguments_that_do_not_fit_are_refused(arguments, options, error, message):

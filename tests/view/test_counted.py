@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.estimators.brightness import unit_scale
 from jotlight.view.alignment import merge_window
 from jotlight.view.counted import EQUIVALENT, ONES, counted_by
 from jotlight.view.estimate import estimate, fraction_at
@@ -129,6 +130,9 @@ def test_an_aligned_window_equals_that_of_the_library(name):
     np.testing.assert_array_equal(shown.image, jl.reconstruct(expected))
     assert shown.counted == EQUIVALENT != ONES
     assert shown.sensor.has_plain_bits is False
+    if name != "bracket":
+        photons = unit_scale(merged.sensor, "photons", merged)
+        assert unit_scale(shown.sensor, "photons") == pytest.approx(photons)
     known = jl.uncertainty(expected, estimate=shown.image)
     np.testing.assert_array_equal(find_errors(shown), known.standard_error)
     with pytest.raises(ValueError, match="saturated: equivalent counts do not show"):

@@ -168,18 +168,18 @@ class ImageOutputOptions(OutputOptions):
         files: list[Path],
         estimate: npt.NDArray[np.float32],
         known: Uncertainty | None,
-        sensor: Sensor,
+        scale: np.float32,
         *,
         white: float | None,
         metadata: dict[str, Any],
     ) -> list[Tone]:
         """Write the temporary files, in the order of :meth:`paths`.
 
-        `known` is the uncertainty of the estimate, if it is written, and `white` is the largest
-        intensity, if it is stated. Return the tone curve of each image for display.
+        `known` is the uncertainty of the estimate, if it is written, `scale` is the factor from
+        intensity to the units, and `white` is the largest intensity, if it is stated. Return the
+        tone curve of each image for display.
         """
         remaining = list(files)
-        scale = self.scale(sensor)
         tones = []
         if self.output.suffix.lower() in DISPLAYED:
             tones.append(display_tone(estimate, self.curve, self.stated_white(white)))

@@ -90,10 +90,9 @@ def reconstruct_image(
         if outputs.uncertainty is not None:
             known = _uncertainty(job, data, estimate, outputs, threads)
         own = files[: len(paths)]
-        sensor = _sensor_of(job, data)
-        tones = outputs.write(own, estimate, known, sensor, white=job.white, metadata=metadata)
+        scale = outputs.scale(captured.sensor)
+        tones = outputs.write(own, estimate, known, scale, white=job.white, metadata=metadata)
         records.write(files[len(all_paths) :], files, job, metadata)
-    scale = outputs.scale(captured.sensor)
     units = "intensities" if outputs.units == "intensity" else UNITS[outputs.units]
     display = [f" ({describe_tone(tone)})" for tone in tones]
     preview = "" if outputs.preview is None else display.pop()

@@ -8,7 +8,8 @@ import jotlight._engine as engine
 from jotlight.estimators.denoise import gaussian
 from jotlight.estimators.noniterative import noniterative
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.pixel_counts import Data
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import Data, GrayImages, PreparedData
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor, require_trainable
 
@@ -44,44 +45,58 @@ def detected_photons(sensor: Sensor) -> float:
     return reference_jot(sensor)[0] * sensor.gain / sensor.frames
 
 
-def unit_scale(sensor: Sensor, units: str) -> float:
+def unit_scale(sensor: Sensor, units: str, data: PreparedData | None = None) -> float:
     """Return the factor from intensities to other units.
 
     Parameters
     ----------
     sensor : Sensor
-        The sensor of the estimate. Photons per second need its `exposure_time`.
+        The sensor of the data. Photons per second need its `exposure_time`.
     units : {"intensity", "photons", "photons-per-second"}
         Intensities; or the photons that a pixel with the efficiency of the median jot detects per
         frame, or per second.
+    data : Bits, Readings, Merged, GrayImages, or ndarray, optional
+        The data of the estimate. The trials of equivalent counts get a share of the light of a
+        frame. Default: data of whole frames.
 
     Raises
     ------
     ValueError
-        For unknown units, or where the exposure time is unknown.
+        For unknown units, where the exposure time is unknown, or where frames have different gains.
 
     Examples
     --------
     >>> sensor = Sensor(frames=10, gain=20.0, exposure_time=1e-5)
     >>> unit_scale(sensor, "photons"), round(unit_scale(sensor, "photons-per-second"))
     (2.0, 200000)
+    >>> unit_scale(sensor, "photons", Merged([[3]], 40.0, sensor, light_share=0.25))
+    8.0
     """
     check_choice("units", units, UNITS)
     if units == "intensity":
         return 1.0
-    if np.ndim(sensor.gain):
+    share = None if np.ndim(sensor.gain) else _light_share(data)
+    if share is None:
         raise ValueError(
             f'units: expected "intensity", because the frames have different gains, got {units!r}; '
             "multiply the result by the photons that a pixel of intensity 1 detects"
         )
+    photons = detected_photons(sensor) / share
     if units == "photons":
-        return detected_photons(sensor)
+        return photons
     if sensor.exposure_time is None:
         raise ValueError(
             "units: photons per second need the exposure time of a frame in seconds; state it with "
             "Sensor(exposure_time=1e-5) (--exposure-time 1e-5), for example"
         )
-    return detected_photons(sensor) / sensor.exposure_time
+    return photons / sensor.exposure_time
+
+
+def _light_share(data: PreparedData | None) -> float | None:
+    """Return the light of a trial as a share of that of a frame, or None if gains differ."""
+    each = data.data if isinstance(data, GrayImages) else [data]
+    shares = {one.light_share if isinstance(one, Merged) else 1.0 for one in each}
+    return shares.pop() if len(shares) == 1 else None
 
 
 def max_measurable_intensity(sensor: Sensor) -> float:

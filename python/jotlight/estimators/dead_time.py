@@ -246,7 +246,8 @@ class FreeRunning:
         -------
         Merged
             Ones and trials (H, W). Their sensor divides the exposure into readings of one bit that
-            are short enough for at most 1/4 detection each.
+            are short enough for at most 1/4 detection each. With ``units="photons"``, estimates
+            are detected photons per exposure, as if there were no dead time.
 
         Raises
         ------
@@ -287,7 +288,8 @@ class FreeRunning:
         distinct, places = np.unique(image, return_inverse=True)
         ones, trials = self._equivalent(distinct, light, sensor)
         places = places.reshape(image.shape)
-        return Merged(*round_ones(ones[places], trials[places]), sensor)
+        counts = round_ones(ones[places], trials[places])
+        return Merged(*counts, sensor, light_share=1 / frames)
 
     def _equivalent(
         self, counts: npt.NDArray[np.integer], light: float, sensor: Sensor

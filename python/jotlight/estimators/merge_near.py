@@ -18,7 +18,7 @@ from jotlight.estimators.neighbors import (
     toward_own,
     typical_spread,
 )
-from jotlight.estimators.reference_sensors import MAX_TRIALS, reference_sensor
+from jotlight.estimators.reference_sensors import MAX_TRIALS, light_share, reference_sensor
 from jotlight.estimators.whole_counts import carry_debts, diffuse
 from jotlight.kept import kept_property
 from jotlight.sensing.bits import Bits
@@ -145,7 +145,8 @@ class Merging:
         whole, trials = _whole_counts(ones, trials, pattern, joint.threads)
         reference = reference_sensor(joint.sensor)
         efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
-        return Merged(whole, trials, reference, dark_counts, efficiency)
+        share = light_share(joint.sensor, reference)
+        return Merged(whole, trials, reference, dark_counts, efficiency, light_share=share)
 
     def _toward_most_likely(self, near: Array) -> Array:
         """Return intensities between given ones and the most likely ones, (H, W)."""

@@ -5,13 +5,14 @@ sensor with one gain and one threshold have the same maximum and the same inform
 that takes merged counts works on them.
 """
 
+import dataclasses
 from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import regular_maximum
-from jotlight.estimators.reference_sensors import MAX_TRIALS, reference_sensor
+from jotlight.estimators.reference_sensors import MAX_TRIALS, light_share, reference_sensor
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.maps import pixel_means
@@ -106,7 +107,8 @@ def merge_joint(joint: JointLikelihood) -> Merged:
     reference = reference_sensor(joint.sensor)
     efficiency, dark_counts = mean_jots(reference)
     ones, trials = counts_at_maximum(joint, reference)
-    return Merged(*round_ones(ones, trials), reference, dark_counts, efficiency)
+    share = light_share(joint.sensor, reference)
+    return Merged(*round_ones(ones, trials), reference, dark_counts, efficiency, light_share=share)
 
 
 def counts_at_maximum(joint: JointLikelihood, reference: Sensor) -> tuple[Array, Array]:
@@ -253,11 +255,9 @@ def _join_channels(channels: list[Merged]) -> Merged:
     """Return the merged counts of the channels of one image as those of a color image."""
     first = channels[0]
     trials = [np.broadcast_to(np.asarray(each.trials), each.shape) for each in channels]
-    return Merged(
-        stack_channels([each.ones for each in channels], color=True),
-        stack_channels(trials, color=True),
-        first.sensor,
-        first.dark_counts,
-        first.efficiency,
+    return dataclasses.replace(
+        first,
+        ones=stack_channels([each.ones for each in channels], color=True),
+        trials=stack_channels(trials, color=True),
         channel_axis=-1,
     )

@@ -58,6 +58,23 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     return reference.replace(dark_counts=dark_counts)
 
 
+def light_share(sensor: Sensor, reference: Sensor) -> float | None:
+    """Return the light of a jot of the reference sensor as a share of that in a frame.
+
+    It is the `light_share` of :class:`jotlight.sensing.merged.Merged`: None if the gains of the
+    frames differ.
+
+    Examples
+    --------
+    >>> several = Sensor(frames=4, gain=64.0, bit_depth=4)
+    >>> round(light_share(several, reference_sensor(several)), 4)  # 1/4 of 14.7 photons
+    0.017
+    """
+    if np.ndim(sensor.gain):
+        return None
+    return reference.light_per_intensity / sensor.light_per_intensity
+
+
 def half_rate(sensor: Sensor) -> float:
     """Return the rate of a jot at which half of its readings are the largest one.
 

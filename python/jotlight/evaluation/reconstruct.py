@@ -145,7 +145,7 @@ def reconstruct(
         those of a stack.
     units : {"intensity", "photons", "photons-per-second"}
         Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
-        second if the sensor states its `exposure_time`.
+        second if the sensor states its `exposure_time`. Frames must have one gain.
     demosaicing : {"network", "menon", "differences"}, optional
         For a sensor with a mosaic: how the gray estimates of its planes become a color image
         (:func:`jotlight.estimators.demosaicing.demosaic`). "network" is the color network, which
@@ -223,7 +223,7 @@ def reconstruct(
         return (colors, info) if return_info else colors
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     check_demosaicing(demosaicing, sensor)
-    scale = np.float32(unit_scale(sensor, units))
+    scale = np.float32(unit_scale(sensor, units, data))
     if callable(method) and not isinstance(method, AnyNetwork):
         estimate, info = _by_function(method, request, data, sensor, out)
     else:

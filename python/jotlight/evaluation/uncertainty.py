@@ -185,7 +185,7 @@ def uncertainty(
         return found.scaled(scale)
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     check_demosaicing(demosaicing, sensor)
-    scale = unit_scale(sensor, units)
+    scale = unit_scale(sensor, units, data)
     if method == EXACT_METHOD:
         check_precision_of(precision, EXACT_METHOD)
     images = gray_images(data)

@@ -19,7 +19,11 @@ import numpy.typing as npt
 
 from jotlight.estimators.merge_readings import linear_counts
 from jotlight.estimators.neighbors import average_fractions, toward_own
-from jotlight.estimators.reference_sensors import reference_dark_counts, reference_sensor
+from jotlight.estimators.reference_sensors import (
+    light_share,
+    reference_dark_counts,
+    reference_sensor,
+)
 from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.kept import kept_property
@@ -265,6 +269,7 @@ class ReadingCounts:
             trials=number,
             dark_counts=floor,
             sensor=reference,
+            light_share=light_share(gray, reference),
         )
 
     @property

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import linear_counts
 from jotlight.estimators.neighbors import average_fractions, toward_own
-from jotlight.estimators.reference_sensors import reference_sensor
+from jotlight.estimators.reference_sensors import light_share, reference_sensor
 from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.motion.merged_pixels import mean_map
@@ -91,6 +91,7 @@ def join_thresholds(merged: Sequence[Merged], sensor: Sensor, threads: int | Non
         mean("acceptance").astype(np.float32),
         mean("posterior_error").astype(np.float32),
         _flags(merged),
+        light_share=light_share(sensor, reference),
     )
 
 

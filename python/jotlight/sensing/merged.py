@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, refuse_masked, whole_number_in_range
+from jotlight.checks import as_counts, positive_number, refuse_masked, whole_number_in_range
 from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
@@ -56,6 +56,9 @@ class Merged:
         2 for the finer grid of :func:`jotlight.merge`: each reading integrates over the 2 x 2
         pixels from its own to the next ones in rows and columns. Only K-conditioned networks
         estimate the image of such counts.
+    light_share : float, optional
+        The light of a trial as a share of that of a frame, above 0. Units of photons per frame need
+        it. It is 1 unless the counts are equivalent ones, and None if the gains of frames differ.
 
     Raises
     ------
@@ -82,12 +85,15 @@ class Merged:
     flags: npt.NDArray[np.bool_] | None = None
     channel_axis: int | None = None
     upsample: int = 1
+    light_share: float | None = 1.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
         require_plain_bits(self.sensor)
         whole_number_in_range("upsample", self.upsample, 1, 2)
+        if self.light_share is not None:
+            positive_number("light_share", self.light_share)
         ones = as_counts(self.ones)
         layout = Layout.of("ones", ones, self.channel_axis)
         if layout.is_stack:
