@@ -33,7 +33,8 @@ class PlannedBits:
         probabilities = detection_probability(self.threshold, rates)
         max_light = self.max_light
         if max_light is None:
-            max_light = float(self._light(1 - 0.5 / bits, 0.5 / bits))
+            # Dark counts alone may saturate the bits.
+            max_light = max(float(self._light(1 - 0.5 / bits, 0.5 / bits)), 0.0)
         bias, mse = np.empty(len(levels)), np.empty(len(levels))
         for index, (level, probability) in enumerate(zip(levels, probabilities, strict=True)):
             counts, weights = _binomial_weights(bits, float(probability))

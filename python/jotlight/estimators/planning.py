@@ -154,7 +154,8 @@ def plan(
         A PSNR in dB, in [0, 200]. The plan then includes the number of frames that reaches it.
     max_intensity : float, optional
         S of the estimates. Default: for each number of frames, the intensity half a count below
-        saturation, which is the default of ``jotlight reconstruct`` for captures.
+        saturation, which is the default of ``jotlight reconstruct`` for captures. It is 0 where
+        dark counts alone saturate the bits.
     speed : float, optional
         Pixels per frame, in [0, 1000], for a plan of how many frames help if the scene moves.
     size : (int, int)

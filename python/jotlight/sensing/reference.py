@@ -82,7 +82,8 @@ def saturation_intensity(sensor: Sensor) -> float:
 
     At S, a pixel whose jots are the least sensitive ones is expected to show K - 1/2 ones. The
     estimate from K - 1 ones is therefore below S. A pixel with K ones is saturated: without a
-    limit its estimate would be infinite, and it is S.
+    limit its estimate would be infinite, and it is S. If dark counts alone saturate the readings,
+    no intensity can be measured, and S is 1.
 
     Examples
     --------
