@@ -63,6 +63,22 @@ def test_a_calibration_is_replaced_by_its_median_jot(run):
 
 
 @pytest.mark.slow
+def test_a_plan_of_a_calibration_is_that_of_its_sensor_in_python(run):
+    rng = np.random.default_rng(0)
+    shape, efficiency = (32, 32), rng.uniform(0.4, 1.0, (32, 32))
+    camera = jl.Sensor(frames=1000, efficiency=efficiency)
+    captures = (camera.expose(np.full(shape, light), rng=rng) for light in (0.0, 0.7))
+    calibration = jl.calibrate(*captures)
+    calibration.save("c.safetensors")
+    planned = jl.plan(calibration.sensor(16), (0.05, 2.0), target_psnr=30)
+    options = ("--calibration", "c.safetensors", "--target-psnr", 30)
+    output = run("plan", "0.05:2", *options)[1]
+    assert f"{planned.required_frames} frames of a scene that stands still are" in output
+    dark = repr(float(np.median(calibration.dark_counts[~calibration.mask])))
+    assert output == run("plan", "0.05:2", "--dark-counts", dark, *options[2:])[1]
+
+
+@pytest.mark.slow
 def test_the_color_filters_of_a_calibration_do_not_change_a_plan(run):
     dark, flat = np.random.default_rng(0).binomial(1000, [[[0.01]], [[0.5]]], (2, 32, 32))
     outputs = []

@@ -76,6 +76,18 @@ def test_the_bound_of_one_gain_and_threshold_is_that_of_plan():
     np.testing.assert_allclose(snr_bound(sensor, expected.light), expected.snr_bound[0])
 
 
+@pytest.mark.parametrize("strongest", [0.5, 1.0])
+def test_the_most_responsive_jot_does_not_change_a_bracket(strongest):
+    sensors = [
+        jl.Sensor(frames=4, gain=8.0, efficiency=[[0.5, 0.5, strongest]], max_intensity=0.5),
+        jl.Sensor(frames=4, max_intensity=0.5),
+    ]
+    found, expected = (jl.plan_brackets(sensor, (0.3, 9.0)) for sensor in sensors)
+    np.testing.assert_allclose(found.snr, expected.snr, rtol=1e-6)
+    np.testing.assert_array_equal(found.exposures, expected.exposures)
+    assert found.sensor.max_intensity == pytest.approx(expected.sensor.max_intensity)
+
+
 def test_the_best_threshold_is_where_half_of_the_bits_are_ones():
     rates = np.geomspace(1, 600, 8)
     thresholds = [best_threshold(rate, max_threshold=2000) for rate in rates]

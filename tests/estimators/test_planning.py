@@ -92,6 +92,23 @@ def test_at_the_saturation_light_one_pixel_in_a_hundred_has_only_ones():
     np.testing.assert_allclose(probabilities[2] ** bits[2], 0.01, rtol=1e-6)
 
 
+@pytest.mark.parametrize("readings", [{"threshold": 2}, {"bit_depth": 2}])
+@pytest.mark.parametrize("strongest", [0.5, 1.0])
+def test_the_most_responsive_jot_does_not_change_a_plan(readings, strongest):
+    efficiency = [[0.25, 0.25, strongest, 0.1]]
+    dark_counts, mask = [[0.02, 0.01, 0.03, 9.0]], [[False, False, False, True]]
+    maps = {"efficiency": efficiency, "dark_counts": dark_counts, "mask": mask}
+    found, expected = (
+        jl.plan(sensor, (0.1, 2.0), frames=[8], max_intensity=1.5, target_psnr=10)
+        for sensor in (
+            jl.Sensor(**readings, **maps, gain=4.0),
+            jl.Sensor(**readings, dark_counts=np.float32(0.02)),
+        )
+    )
+    for name in ("bias", "rmse", "cramer_rao_bound", "saturation_light", "required_frames"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-6)
+
+
 def test_estimates_are_clipped_to_the_maximum_intensity():
     expected = jl.plan(
         jl.Sensor(gain=0.5), (0.1, 3.0), frames=[4096], target_psnr=30.0, max_intensity=2.0

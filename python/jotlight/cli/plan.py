@@ -85,7 +85,8 @@ def plan(
         str,
         Parameter(
             help="Photons per jot and frame (per second with --frame-rate): MIN:MAX of the scene, "
-            "such as 0.01:1, or one number."
+            "such as 0.01:1, or one number. With a calibration, but without --efficiency, those "
+            "that the median jot detects."
         ),
     ],
     /,
@@ -137,10 +138,9 @@ def _planned_sensor(options: PlannedSensorOptions) -> tuple[Sensor, int]:
     max_frames = parameters.get("frames", 2 ** (_ROWS - 1))
     if options.calibration is None:
         return Sensor(**parameters), max_frames
-    # The efficiency of a calibration is relative to the median jot, and so is the light. A plan is
-    # for the light behind the filters.
+    # A plan is for the light behind the filters.
     calibration = Calibration.load(options.calibration)
-    return calibration.sensor(**{"efficiency": 1.0, "mosaic": None, **parameters}), max_frames
+    return calibration.sensor(**{"mosaic": None, **parameters}), max_frames
 
 
 def _light_range(text: str) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from jotlight.checks import to_array
 from jotlight.estimators.bracket_choice import FrameDivision
 from jotlight.notebook import card, table_of
 from jotlight.sensing.reading_groups import refuse_different_readings
-from jotlight.sensing.reference import reading_information, reference_jot
+from jotlight.sensing.reference import reading_information, reference_jot, sensor_of_median_jot
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import numbers_from_zero
@@ -100,7 +100,8 @@ def plan_brackets(
         replaced by the median of the live jots.
     light : (float, float)
         The minimum and the maximum of the scene, in photons per jot and frame of the longest
-        exposure, above 0.
+        exposure, above 0. If the efficiency is a map, they are photons that the median jot detects,
+        as for `jotlight.plan`.
     exposures : sequence of float, optional
         The possible exposures as fractions of the longest one, in (0, 1]. Default: 1, 1/2, 1/4, …,
         down to one at which the brightest light is not saturated.
@@ -146,10 +147,10 @@ def plan_brackets(
     refuse_different_readings(
         sensor, "state one of each; jotlight.plan_brackets finds exposures that differ"
     )
-    levels = _checked_light(light)
+    levels, median = _checked_light(light), sensor_of_median_jot(sensor)
     # A bit is most informative at 1.6 detections, and several bits are just below saturation.
     best_rate = max(1.6, 0.7 * sensor.max_reading)
-    brightest = levels[-1] * reference_jot(sensor)[0] / best_rate
+    brightest = levels[-1] * reference_jot(median)[0] / best_rate
     fractions = _checked_exposures(exposures, brightest)
     if np.ndim(thresholds) != 1 or not len(thresholds):
         raise ValueError(
@@ -157,7 +158,7 @@ def plan_brackets(
         )
     qs = [sensor.replace(threshold=q).threshold for q in thresholds]
     settings = [(float(fraction), q) for fraction in fractions for q in sorted(set(qs))]
-    choice = FrameDivision(sensor, settings, levels)
+    choice = FrameDivision(median, settings, levels)
     numbers, single = choice.best(sensor.frames), choice.best_single(sensor.frames)
     used = np.flatnonzero(numbers)
     own, frames = [settings[i] for i in used], numbers[used]
@@ -166,7 +167,7 @@ def plan_brackets(
         sensor=sensor.replace(
             gain=gain,
             threshold=np.repeat([q for _, q in own], frames),
-            max_intensity=choice.max_light(numbers) / sensor.light_per_intensity,
+            max_intensity=choice.max_light(numbers) / median.light_per_intensity,
         ),
         exposures=np.array([fraction for fraction, _ in own]),
         thresholds=np.array([q for _, q in own], np.int64),

@@ -15,6 +15,7 @@ from jotlight.estimators.planned_motion import MotionPlan, check_motion, plan_mo
 from jotlight.estimators.planned_readings import PlannedReadings
 from jotlight.notebook import card, table_of
 from jotlight.sensing.reading_groups import refuse_different_readings
+from jotlight.sensing.reference import sensor_of_median_jot
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor
 
@@ -148,6 +149,8 @@ def plan(
         The sensor. Its number of frames has no effect. Medians of the live jots replace its maps.
     light : float or (float, float)
         Photons per jot and frame, in (0, 10,000]: one level, or the minimum and maximum of a scene.
+        If the efficiency is a map, such as that of a calibration, they are photons that the median
+        jot detects, because a calibration knows only ratios of efficiencies.
     frames : sequence of int, optional
         The numbers of frames. Default: the powers of two from 1 to 4096.
     target_psnr : float, optional
@@ -203,6 +206,7 @@ def plan(
     check_motion(0 if speed is None else speed, size)
     if max_intensity is not None:
         max_intensity = positive_number("max_intensity", max_intensity)
+    sensor = sensor_of_median_jot(sensor)
     pixel: PlannedBits | PlannedReadings
     if sensor.has_plain_bits:
         pixel = PlannedBits(sensor, max_intensity)

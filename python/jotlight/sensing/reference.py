@@ -34,6 +34,30 @@ def reference_jot(sensor: Sensor) -> Jot:
     return medians[0], medians[1]
 
 
+def sensor_of_median_jot(sensor: Sensor) -> Sensor:
+    """Return the sensor without maps whose jots are like the median one, for a prediction.
+
+    A map of efficiency, such as that of a calibration, may be known only up to a factor. With a
+    map, the light of the returned sensor is what the median jot detects: its efficiency is 1.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        A sensor whose readings have one gain and one threshold.
+
+    Examples
+    --------
+    >>> sensor = Sensor(frames=4, efficiency=np.array([[0.25, 0.5, 1.0]]), dark_counts=0.1)
+    >>> sensor_of_median_jot(sensor)
+    Sensor(frames=4, gain=2.0, dark_counts=0.1)
+    """
+    efficiency, dark_counts = reference_jot(sensor)
+    changes = {"efficiency": efficiency, "dark_counts": dark_counts, "mask": None}
+    if isinstance(sensor.efficiency, np.ndarray):
+        changes |= {"efficiency": 1.0, "gain": sensor.gain * efficiency}
+    return sensor.replace(**changes)
+
+
 def typical_jot(
     trials: float | Array, efficiency: float | Array, dark_counts: float | Array
 ) -> Jot:
