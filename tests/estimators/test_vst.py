@@ -186,14 +186,24 @@ def test_the_exact_inverse_of_a_map_is_near_the_inverse_of_each_number():
     assert (found <= trials).all()
 
 
+@pytest.mark.parametrize("low", [1, 6])
+def test_the_exact_inverse_of_a_map_is_near_that_of_each_number_in_its_whole_range(low):
+    whole = np.unique(np.geomspace(low, 300, 90).astype(int))
+    trials = np.repeat(whole[:, None], 151, axis=1)
+    z = np.linspace(0, np.pi / 2, 151) * np.sqrt(trials + 0.5)
+    each = [jl.vst.inverse_anscombe(z[i], int(k)) for i, k in enumerate(whole)]
+    assert (abs(jl.vst.inverse_anscombe(z, trials) - each) < 1e-4 * trials).all()
+
+
 def test_the_exact_inverse_of_a_real_number_lies_between_its_neighbors():
-    z = np.linspace(0.5, 3.5, 31)
-    angle = z / np.sqrt(3.0)
-    low, high = (jl.vst.inverse_anscombe(angle * np.sqrt(k + 0.5), k) / k for k in (2, 3))
-    found = jl.vst.inverse_anscombe(z, 2.5) / 2.5
+    def at(trials):
+        ends = jl.vst.anscombe([0.0, trials], trials).astype(float)
+        return jl.vst.inverse_anscombe(np.linspace(*ends, 31), trials) / trials
+
+    low, high, found = at(2), at(3), at(2.5)
     assert (found >= np.minimum(low, high) - 1e-6).all()
     assert (found <= np.maximum(low, high) + 1e-6).all()
-    np.testing.assert_array_equal(jl.vst.inverse_anscombe(z, 0), 0)
+    np.testing.assert_array_equal(jl.vst.inverse_anscombe([-1.0, 0.5, 3.5], 0), 0)
 
 
 def test_an_unknown_inverse_is_refused():

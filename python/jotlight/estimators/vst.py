@@ -31,6 +31,12 @@ _MAX_LEVELS = 32
 _LEVELS_PER_OCTAVE = 4
 """The number of tables per doubling of K for other maps. The error is below 10⁻⁴ K."""
 
+_SMALL_LEVELS = 8
+"""Each whole K up to this one has a table of its own, because their inverses differ most."""
+
+_MIN_TRIALS = 1e-3
+"""The smallest K whose range of T is divided by its width, which is 0 for no trials."""
+
 
 def anscombe(
     counts: npt.ArrayLike, trials: npt.ArrayLike, *, threads: int | None = None
@@ -130,19 +136,31 @@ def inverse_anscombe(
 def _invert_exactly(
     values: npt.NDArray[np.float32], trials: npt.NDArray[np.float64], threads: int | None
 ) -> npt.NDArray[np.float32]:
-    """Return the exact inverse, interpolated in 1/K between levels of K at the same angle."""
+    """Return the exact inverse, interpolated in 1/√K between levels of K.
+
+    It is interpolated at the same position in [T(0), T(K)], where the inverses have their kinks.
+    """
     levels = _exact_levels(trials)
-    places = np.interp(-1 / np.maximum(trials, 1), -1 / levels, np.arange(len(levels)))
-    angles = values / np.sqrt(trials + 0.5)
+    roots = 1 / np.sqrt(np.maximum(trials, 1))
+    places = np.interp(-roots, -1 / np.sqrt(levels), np.arange(len(levels)))
+    low, width = _angles(np.maximum(trials, _MIN_TRIALS))
+    positions = (values / np.sqrt(trials + 0.5) - low) / width
     fraction = np.zeros(values.shape)
     for index, level in enumerate(levels):
         weight = 1 - abs(places - index)
         near = weight > 0
         if near.any():
-            z = np.asarray(angles[near] * np.sqrt(level + 0.5), np.float32)
+            low, width = _angles(level)
+            z = np.asarray((low + width * positions[near]) * np.sqrt(level + 0.5), np.float32)
             counts = _apply(engine.inverse_anscombe_exact, z, int(level), threads)
             fraction[near] += weight[near] * counts / level
     return np.asarray(fraction * trials, np.float32)
+
+
+def _angles(trials: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], ...]:
+    """Return the angle of T(0), which is T/√(K + 1/2), and the angle from there to T(K)."""
+    low = np.arcsin(np.sqrt(0.375 / (trials + 0.75)))
+    return low, np.pi / 2 - 2 * low
 
 
 def _exact_levels(trials: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -151,8 +169,13 @@ def _exact_levels(trials: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     if len(values) <= _MAX_LEVELS and (values == np.floor(values)).all():
         return values
     low, high = np.floor(values[0]), np.ceil(values[-1])
-    steps = math.ceil(max(0.0, math.log2(high / low)) * _LEVELS_PER_OCTAVE)
-    return np.unique(np.round(low * (high / low) ** np.linspace(0, 1, steps + 1)))
+    small = np.arange(low, min(high, _SMALL_LEVELS) + 1)
+    low = max(low, _SMALL_LEVELS)
+    if high <= low:
+        return small
+    steps = math.ceil(math.log2(high / low) * _LEVELS_PER_OCTAVE)
+    large = np.round(low * (high / low) ** np.linspace(0, 1, steps + 1))
+    return np.unique(np.concatenate([small, large]))
 
 
 def _is_at_most(values: npt.NDArray[np.float32], trials: float | npt.NDArray[np.float64]) -> bool:
