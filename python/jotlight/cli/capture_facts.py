@@ -1,6 +1,7 @@
 """Facts about captures, as rows of a table."""
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight.cli.console import progress
 from jotlight.cli.jot_checks import jot_remarks
@@ -9,6 +10,9 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
+
+Mask = npt.NDArray[np.bool_]
+"""True marks a dead jot, (H, W)."""
 
 
 def notes(capture: Capture) -> list[tuple[str, str]]:
@@ -30,17 +34,18 @@ def bits_facts(bits: Bits) -> list[tuple[str, str]]:
     """Return the facts about bits."""
     with progress(1) as begin:
         counts = bits.counts(1, progress=begin("counting"))
-    ones = int(counts.sum(dtype=np.int64))
     frames, height, width, *channels = bits.shape
+    sensor = carried_sensor(bits)
+    mask = None if sensor is None else sensor.mask
+    live = _live_jots(counts, mask)
     facts = [
         ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
         *([("format", bits.provenance.format)] if bits.provenance is not None else []),
         ("frames", str(frames)),
         ("jots", f"{height} x {width}"),
         ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
-        ("ones", f"{ones / np.prod(bits.shape, dtype=float):.3%}"),
+        ("ones", f"{live.sum(dtype=np.int64) / max(live.size * frames, 1):.3%}{_of_live(mask)}"),
     ]
-    sensor = carried_sensor(bits)
     jots = jot_remarks(counts, frames, sensor or Sensor(frames=frames))
     if sensor is None:
         return [*facts, ("sensor", "not stated"), *jots]
@@ -48,27 +53,46 @@ def bits_facts(bits: Bits) -> list[tuple[str, str]]:
     return [
         *facts,
         ("sensor", repr(sensor)),
-        ("pixels", f"{pixels}, {sensor.trials} bits each"),
+        ("pixels", f"{pixels}, {_bits_of_pixels(sensor)} each"),
         *jots,
     ]
+
+
+def _live_jots(values: npt.NDArray[np.integer], mask: Mask | None) -> npt.NDArray[np.integer]:
+    """Return the values of the jots that are not dead, of values (H, W) or (H, W, C)."""
+    return values if mask is None else values[~mask]
+
+
+def _of_live(mask: Mask | None) -> str:
+    """Return that a fraction is one of live jots, if others are dead."""
+    return "" if mask is None else " (live jots)"
+
+
+def _bits_of_pixels(sensor: Sensor) -> str:
+    """Return how many bits a pixel has, without those of dead jots."""
+    if sensor.mask is None:
+        return f"{sensor.trials} bits"
+    trials = sensor.frames * Bits.from_array(~sensor.mask).counts(sensor.oversampling)
+    low, high = trials.min(), trials.max()
+    return f"{low if low == high else f'{low} to {high}'} valid bits"
 
 
 def readings_facts(readings: Readings) -> list[tuple[str, str]]:
     """Return the facts about readings of several bits."""
     sensor, highest = readings.sensor, 2**readings.sensor.bit_depth - 1
-    total, largest = 0, 0
+    total, largest, mask = 0, 0, sensor.maps().get("mask")
     for start in range(len(readings)):
-        frame = readings[start]
+        frame = _live_jots(readings[start], mask)
         total += int(frame.sum(dtype=np.int64))
         largest += int((frame == highest).sum())
     frames, height, width, *_ = readings.shape
-    number = np.prod(readings.shape, dtype=float)
+    number = max(frame.size * frames, 1)
     return [
         ("kind", f"readings of {sensor.bit_depth} bits"),
         *([] if readings.provenance is None else [("format", readings.provenance.format)]),
         ("frames", str(frames)),
         ("jots", f"{height} x {width}"),
-        ("mean", f"{total / number:.4g} of {highest}"),
+        ("mean", f"{total / number:.4g} of {highest}{_of_live(mask)}"),
         ("largest", f"{largest / number:.3%} of the readings are {highest}"),
         ("sensor", repr(sensor)),
     ]
