@@ -153,7 +153,7 @@ COUNTING = [
 @pytest.mark.parametrize("pixel", COUNTING)
 def test_the_most_likely_intensity_is_that_of_the_count(pixel):
     counts = np.arange(min(pixel.max_count, 120))[None]
-    merged = pixel.merge(counts, light=60.0)
+    merged = pixel.merge(counts, light=60.0, near_neighbors=False)
     expected = np.clip(pixel.mle(counts) / 60, 0, 1)
     np.testing.assert_allclose(jl.mle(merged), expected, atol=2e-6, rtol=1e-5)
     photons = jl.reconstruct(merged, method="mle", units="photons")
@@ -164,7 +164,7 @@ def test_the_most_likely_intensity_is_that_of_the_count(pixel):
 def test_the_information_is_that_of_the_count(pixel):
     counts = np.arange(10, min(pixel.max_count - 1, 40))[None]
     light = 2 * float(pixel.mle(counts.max()))
-    merged = pixel.merge(counts, light)
+    merged = pixel.merge(counts, light, near_neighbors=False)
     intensity = pixel.mle(counts) / light
     slope = pixel.efficiency * light / merged.sensor.frames
     rate = slope * intensity + pixel.dark_counts / merged.sensor.frames
@@ -187,11 +187,50 @@ def test_the_score_is_the_derivative_of_the_logarithm(pixel):
 
 def test_dark_and_saturated_pixels_are_at_the_ends():
     pixel = jl.FreeRunning(dead_time=0.1)
-    merged = pixel.merge([[0, 10]], light=20.0, max_intensity=2.0)
+    merged = pixel.merge([[0, 10]], light=20.0, max_intensity=2.0, near_neighbors=False)
     assert merged.ones[0, 0] == 0
     assert merged.trials[0, 0] == pytest.approx(merged.sensor.frames)
     assert merged.ones[0, 1] == merged.trials[0, 1] > 0
     assert jl.mle(merged).tolist() == [[0.0, 2.0]]
+
+
+@pytest.mark.parametrize(
+    ("dead_time", "light", "gain"),
+    [(0.2, 200.0, 11), (0.2, 20.0, 5), (1.0, 3.0, 11), (0.02, 1000.0, -0.1)],
+)
+def test_images_near_saturation_have_no_bias(dead_time, light, gain):
+    scene = jl.datasets.photograph("camera")[60:188, 100:228].astype(float)
+    pixel = jl.FreeRunning(dead_time=dead_time, efficiency=0.5, dark_counts=0.3)
+    counts = pixel.draw(light * scene, rng=1)
+    near, own = (
+        jl.reconstruct(pixel.merge(counts, light, near_neighbors=near)) for near in (True, False)
+    )
+    # At the light 200, a fifth of the pixels have only saturated neighbors.
+    assert abs(np.mean(near - scene)) < (0.06 if light == 200 else 0.02)
+    assert jl.metrics.psnr(near, scene) > jl.metrics.psnr(own, scene) + gain
+
+
+@pytest.mark.parametrize("intensity", [0.02, 0.3, 0.9])
+@pytest.mark.parametrize("pixel", [*COUNTING, jl.FreeRunning(dead_time=0.25, dark_counts=0.1)])
+def test_counts_near_neighbors_have_no_bias(pixel, intensity):
+    light = min(10.0, 2 / pixel.dead_time)
+    merged = pixel.merge(pixel.draw(np.full((96, 96), light * intensity), rng=3), light)
+    rate = pixel.efficiency * light * intensity + pixel.dark_counts
+    p = -np.expm1(-rate / merged.sensor.frames)
+    noise = 1 / np.sqrt(merged.shape[0] ** 2 * pixel.information(light * intensity))
+    slope = pixel.efficiency * light / merged.sensor.frames * (1 - p)
+    error = (merged.ones.sum() / merged.trials.sum() - p) / slope
+    assert abs(error) < 4 * noise + 0.005 * intensity
+    information = merged.trials.mean() * slope**2 / (p * (1 - p))
+    assert information == pytest.approx(light**2 * pixel.information(light * intensity), rel=0.1)
+
+
+def test_pixels_with_only_saturated_neighbors_are_flagged():
+    counts = np.full((32, 32), 5)
+    counts[:, :16] = 3
+    merged = jl.FreeRunning(dead_time=0.2).merge(counts, light=40.0)
+    assert merged.flags[:, -4:].all()
+    assert not merged.flags[:, :16].any()
 
 
 def test_networks_and_intervals_take_them():

@@ -19,8 +19,8 @@ In reading order:
 * plans of captures: ``planning`` with ``planned_bits``, ``planned_readings``, ``planned_estimates``
   (the errors of readings that differ), ``planned_motion``, and ``figure``, ``bracketing`` with
   ``bracket_choice``;
-* other sensors: ``dead_time`` with ``renewal`` (free-running pixels), ``gates`` with
-  ``decays`` (lifetimes).
+* other sensors: ``dead_time`` with ``renewal`` and ``merge_detections`` (free-running pixels),
+  ``gates`` with ``decays`` (lifetimes).
 """
 
 import lazy_loader

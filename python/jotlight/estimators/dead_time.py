@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts, number_in_range, positive_number, shown, type_of
+from jotlight.estimators.merge_detections import merge_near_neighbors
 from jotlight.estimators.merge_readings import counts_of_equal_likelihood, round_ones
 from jotlight.estimators.reference_sensors import MAX_RATE
 from jotlight.estimators.renewal import Renewal
@@ -227,11 +228,19 @@ class FreeRunning:
         """
         return self.efficiency * self._renewal.score(self._checked(counts), self._rate(light))
 
-    def merge(self, counts: npt.ArrayLike, light: float, *, max_intensity: float = 1.0) -> Merged:
+    def merge(
+        self,
+        counts: npt.ArrayLike,
+        light: float,
+        *,
+        max_intensity: float = 1.0,
+        near_neighbors: bool = True,
+    ) -> Merged:
         """Return equivalent counts: those of one-bit readings, for methods that take counts.
 
-        For each pixel, they have the same most likely intensity as the count, and the same
-        information there. All methods and K-conditioned networks take the result.
+        They have the derivative and the information of the log-likelihood of each count near an
+        average over its neighbors. All methods and K-conditioned networks take the result. For
+        maximum likelihood, :meth:`mle` and :meth:`interval` of the counts themselves are exact.
 
         Parameters
         ----------
@@ -241,6 +250,10 @@ class FreeRunning:
             Photons per exposure at intensity 1, above 0.
         max_intensity : float
             S: the largest intensity, above 0. Estimates lie in [0, S].
+        near_neighbors : bool
+            False for counts at the most likely intensity of each pixel instead, which they keep.
+            From these, denoisers make images that are too bright if counts are low, or near
+            saturation.
 
         Returns
         -------
@@ -258,10 +271,13 @@ class FreeRunning:
         -----
         The formulas are those of :func:`jotlight.merge_readings`.
 
+        Where all counts around a pixel are saturated, they say only that the light is bright. There
+        the estimates are too dark, and their intervals are too narrow. `flags` marks these pixels.
+
         Examples
         --------
         >>> pixel, counts = FreeRunning(dead_time=0.01), [[0, 20, 50]]
-        >>> merged = pixel.merge(counts, light=200.0)
+        >>> merged = pixel.merge(counts, light=200.0, near_neighbors=False)
         >>> (merged.ones / merged.trials).round(3).tolist()  # p = 1 - exp(-s) of the readings
         [[0.0, 0.031, 0.117]]
         """
@@ -284,12 +300,16 @@ class FreeRunning:
             dark_counts=self.dark_counts / frames,
             max_intensity=largest,
         )
-        # There are few distinct counts. Each needs a sum over all possible counts.
-        distinct, places = np.unique(image, return_inverse=True)
-        ones, trials = self._equivalent(distinct, light, sensor)
-        places = places.reshape(image.shape)
-        counts = round_ones(ones[places], trials[places])
-        return Merged(*counts, sensor, light_share=1 / frames)
+        flags = None
+        if near_neighbors:
+            ones, trials, flags = merge_near_neighbors(self, self._checked(image), light, sensor)
+        else:
+            # There are few distinct counts. Each needs a sum over all possible counts.
+            distinct, places = np.unique(image, return_inverse=True)
+            places = places.reshape(image.shape)
+            each = self._equivalent(distinct, light, sensor)
+            ones, trials = round_ones(*(values[places] for values in each))
+        return Merged(ones, trials, sensor, flags=flags, light_share=1 / frames)
 
     def _equivalent(
         self, counts: npt.NDArray[np.integer], light: float, sensor: Sensor

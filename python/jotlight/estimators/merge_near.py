@@ -13,18 +13,17 @@ from jotlight.estimators.neighbors import (
     MAX_FRACTION,
     average_fractions,
     common_intensity,
-    each_filter,
     min_intensity,
     toward_own,
     typical_spread,
 )
 from jotlight.estimators.reference_sensors import MAX_TRIALS, light_share, reference_sensor
-from jotlight.estimators.whole_counts import carry_debts, diffuse
+from jotlight.estimators.whole_counts import complete_trials, whole_counts
 from jotlight.kept import kept_property
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.maps import pixel_means
-from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.reference import reference_jot
@@ -138,11 +137,11 @@ class Merging:
         joint, near = self.joint, intensity.astype(np.float64)
         if not self.thresholds_differ:  # the counts of others are averaged, so intensities stay
             near = self._toward_most_likely(near)
-        ones, trials = _without_parts_of_trials(joint, *_real_counts(joint, near))
+        ones, trials = complete_trials(*_real_counts(joint, near), joint.trials > 0)
         if pattern is None and self.thresholds_differ:
             ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
         ones, trials = np.minimum(ones, MAX_TRIALS), np.minimum(trials, MAX_TRIALS)
-        whole, trials = _whole_counts(ones, trials, pattern, joint.threads)
+        whole, trials = whole_counts(ones, trials, pattern, joint.threads)
         reference = reference_sensor(joint.sensor)
         efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
         share = light_share(joint.sensor, reference)
@@ -284,33 +283,3 @@ def _real_counts(
     with np.errstate(over="ignore"):  # where some jots of a pixel are far from saturated
         ones, trials = linear_counts(gradient, information, slope, rate, rate)
     return ones, trials, rate
-
-
-def _without_parts_of_trials(
-    joint: JointLikelihood, ones: Array, trials: Array, rate: Array
-) -> tuple[Array, Array]:
-    """Return ones and trials, where pixels of less than one trial are completed to one.
-
-    Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness. What
-    is missing agrees with the rate of a trial.
-    """
-    missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
-    return ones - missing * np.expm1(-rate), trials + missing
-
-
-def _whole_counts(
-    ones: Array,
-    trials: Array,
-    pattern: npt.NDArray[np.integer] | None,
-    threads: int | None,
-) -> tuple[npt.NDArray[np.int32], Array]:
-    """Return whole ones, whose errors cancel among pixels with the same filter, and their trials.
-
-    Where there are more ones than trials, the next pixels have fewer trials.
-    """
-    whole, zeros = np.zeros(ones.shape), np.zeros(ones.shape)
-    for own in each_filter(pattern, ones.shape):
-        whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0), threads)
-        zeros += carry_debts(np.where(own, trials - whole, 0.0))
-    trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
-    return whole.astype(np.int32), trials

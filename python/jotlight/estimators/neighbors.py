@@ -212,7 +212,7 @@ def each_filter(
         yield from (pattern == each for each in np.unique(pattern))
 
 
-def toward_own(near: Array, own: Array, information: Array) -> Array:
+def toward_own(near: Array, own: Array, information: Array, halfway: float = _HALFWAY) -> Array:
     """Return intensities between given ones and those of the pixels themselves, (H, W).
 
     Parameters
@@ -221,6 +221,8 @@ def toward_own(near: Array, own: Array, information: Array) -> Array:
         The given intensities, and the most likely ones.
     information : ndarray of float64, shape (H, W)
         The Fisher information of the readings of each pixel.
+    halfway : float
+        The square of the signal-to-noise ratio of a pixel at which the result is halfway.
 
     Examples
     --------
@@ -229,5 +231,5 @@ def toward_own(near: Array, own: Array, information: Array) -> Array:
     [[1.0, 1.1, 1.2]]
     """
     # The power keeps the noise of pixels with a low ratio out: it would bias saturated readings.
-    ratio = (information * near**2 / _HALFWAY) ** _POWER
+    ratio = (information * near**2 / halfway) ** _POWER
     return np.asarray(near + ratio / (ratio + 1) * (own - near))
