@@ -124,10 +124,12 @@ def uncertainty(
     For "mle", each interval is exact: that of Clopper and Pearson. Its coverage is at least
     `confidence_level` for any number of bits and any intensity in [0, S]. If gains or thresholds
     differ, it is the exact interval of the total number of ones, and for readings of several bits
-    that of the sum of the readings. There are two exceptions, for which the coverage is only
-    approximate: sums above 1,024, and live pixels of more than 64 kinds, which occur only if the
-    jots of a pixel differ, or with a map of dark counts together with different gains
-    (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`).
+    that of the sum of the readings. There are three exceptions, for which the coverage is only
+    approximate: sums above 1,024; live pixels of more than 64 kinds, which occur only if the jots
+    of a pixel differ, or with a map of dark counts together with different gains
+    (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`); and equivalent counts, as of
+    `jotlight.merge_readings`. Pass the readings instead, and take `jotlight.FreeRunning.interval`
+    for counts with a dead time.
 
     For other methods, the coverage is an average over the pixels of photographs (conformal
     prediction), and `docs/results/uncertainty.md` states it for many cases. The errors of "medium",
