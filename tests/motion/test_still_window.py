@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion.held_out import Fold, count_in_place
-from jotlight.motion.still_window import find_window, report_window
+from jotlight.motion.still_window import find_window, look_hot, report_window
 from moving import blocks_of, moved, paths_of, record, shaken, total_of
 
 
@@ -87,9 +87,9 @@ def test_every_second_frame_in_the_middle_is_held_out(monkeypatch):
     held = []
     fold = Fold.of
 
-    def spy(paths, total, frames):
+    def spy(paths, total, frames, compared):
         held.append(list(frames))
-        return fold(paths, total, frames)
+        return fold(paths, total, frames, compared)
 
     monkeypatch.setattr(Fold, "of", spy)
     for frames, expected in ((64, [28, 30, 32, 34]), (32, [14, 16]), (16, [7])):
@@ -104,3 +104,30 @@ def test_a_slow_wrong_motion_of_a_dim_scene_is_worse_than_a_window():
     for rng in range(3):
         paths = paths_that_drift(0.4, 0.05, rng)
         assert find_window(paths, total_of(paths)) is not None
+
+
+def hot_paths(speed):
+    """Return the paths of a shaking camera with many hot jots, and where these are.
+
+    The motion is the true one times `speed`.
+    """
+    scene, bits = record("shake", photons=0.2)
+    rng = np.random.default_rng(0)
+    hot = rng.random(bits.shape[1:]) < 0.05
+    seen = bits.to_array() | (hot & (rng.random(bits.shape) < 0.9))
+    blocks = blocks_of(jl.Bits.from_array(seen))
+    shifts = np.stack([speed * scene.motion(time)[:, 0, 0] for time in blocks.centers])
+    return paths_of(blocks, shifts, scene.reference), hot
+
+
+def test_hot_jots_do_not_hide_that_the_motion_is_right():
+    paths, hot = hot_paths(1)
+    assert find_window(paths, total_of(paths)) is None
+    found = look_hot(count_in_place(paths, range(48)))
+    assert found[hot].mean() > 0.9
+    assert found[~hot].mean() < 0.005
+
+
+def test_hot_jots_do_not_hide_that_the_motion_is_wrong():
+    paths, _ = hot_paths(-2)
+    assert find_window(paths, total_of(paths)) is not None

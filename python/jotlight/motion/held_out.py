@@ -74,10 +74,14 @@ class Fold:
     """Each frame."""
     logarithms: list[tuple[Probability, Probability]]
     """The logarithms of the probabilities of a one and of a zero in each frame."""
+    compared: npt.NDArray[np.bool_]
+    """The pixels (H, W) whose predictions are compared."""
 
     @classmethod
-    def of(cls, paths: Paths, total: Sums, held: range) -> Self:
-        """Return the fold that holds out some frames."""
+    def of(
+        cls, paths: Paths, total: Sums, held: range, compared: npt.NDArray[np.bool_] | None = None
+    ) -> Self:
+        """Return the fold that holds out some frames. By default, all pixels are compared."""
         blocks = paths.blocks
         moved = [blocks.count(held, track.nodes, blocks.centers) for track in paths.tracks]
         own = Sums.select(moved, paths.labels) if len(moved) > 1 else moved[0]
@@ -90,7 +94,10 @@ class Fold:
             _logarithms(frame, _moved(merged, paths, time))
             for frame, time in zip(frames, held, strict=True)
         ]
-        return cls(count_in_place(paths, held), frames, predicted)
+        if compared is None:
+            compared = np.ones(paths.blocks.size, bool)
+        frames = [frame.masked(compared) for frame in frames]
+        return cls(count_in_place(paths, held), frames, predicted, compared)
 
     def likelihood(self) -> float:
         """Return the log-likelihood of the frames in nats."""
@@ -99,7 +106,8 @@ class Fold:
 
     def gain(self, window: Sums) -> tuple[float, float]:
         """Return by how many nats a window predicts the frames better, and the error."""
-        estimate = _estimate(window.without(self.held.ones, self.held.trials))
+        others = window.without(self.held.ones, self.held.trials)
+        estimate = _estimate(others.masked(self.compared))
         one, zero = _logarithms(self.held, estimate)
         gain, variance = 0.0, 0.0
         for frame, logarithms in zip(self.frames, self.logarithms, strict=True):

@@ -22,6 +22,10 @@ If there are fewer ones, the standard deviation is larger in relation to what a 
 In simulations, merged counts that were 0.16 dB worse led by 2.7, and better ones by 4.4 or more.
 """
 
+_HOT = 5.0
+"""A jot looks hot if it has more ones than the median of its neighbors by this number of standard
+deviations."""
+
 _SMOOTHING = 0.25, 0.5, 0.25
 """Weights of the gains of windows of neighboring lengths."""
 
@@ -33,6 +37,8 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     predicts that these frames are alike. The merged counts without them predict each one, moved
     along the motion. So a wrong motion is noticed although single frames have few bits. If the
     merged counts are not clearly better, the window is chosen that predicts the bits best.
+
+    Jots that look hot are not compared: they stay where they are, so any window predicts them.
 
     If nothing moves, the merged counts are those of all frames in place, without bits that
     disagree. The windows are shorter then, and there is none if there are few frames or few bits.
@@ -49,15 +55,39 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     central, ones_per_frame = central_frames(paths, total), float(total.ones.sum()) / frames
     if not moves and (frames < MIN_FRAMES or len(central) * ones_per_frame < _ONES):
         return None
-    folds = [Fold.of(paths, total, central[start::2]) for start in (0, 1)]
     fractions = _FRACTIONS if moves else _FRACTIONS[1:]
     lengths = sorted({max(len(central), frames // fraction) for fraction in fractions})
     windows = [frames_around(paths, length) for length in lengths]
-    gains, errors = np.transpose([_gain_of(count_in_place(paths, each), folds) for each in windows])
+    sums = [count_in_place(paths, each) for each in windows]
+    compared = ~look_hot(sums[-1])
+    folds = [Fold.of(paths, total, central[start::2], compared) for start in (0, 1)]
+    gains, errors = np.transpose([_gain_of(each, folds) for each in sums])
     lead = -(_smooth(gains) / np.maximum(errors, 1e-9)).max()
-    ones = sum(int(fold.held.ones.sum()) for fold in folds)
+    ones = sum(int(fold.held.ones[compared].sum()) for fold in folds)
     needed = _MIN_LEAD * min(1.0, math.sqrt(ones / _ONES))
     return windows[int(np.argmax(gains))] if lead < needed else None
+
+
+def look_hot(sums: Sums) -> npt.NDArray[np.bool_]:
+    """Return the pixels (H, W) that are much brighter than their neighbors in frames in place.
+
+    In a scene that moves, such sums are blurred, so single bright pixels are hot jots.
+
+    Examples
+    --------
+    >>> ones = np.full((5, 5), 10)
+    >>> ones[2, 3] = 60
+    >>> sums = Sums.zeros((5, 5))
+    >>> sums.ones[:], sums.trials[:] = ones, 100
+    >>> np.argwhere(look_hot(sums)).tolist()
+    [[2, 3]]
+    """
+    from scipy.ndimage import median_filter
+
+    usual = median_filter(sums.ones / np.maximum(sums.trials, 1), 3)
+    expected = sums.trials * usual
+    variance = np.maximum(expected * (1 - usual), 1.0)
+    return np.asarray((sums.ones - expected) > _HOT * np.sqrt(variance))
 
 
 def report_window(window: range, model: str) -> None:
