@@ -43,8 +43,7 @@ _MIN_LARGE = 0.05
 """Fraction of the pixels above which a segment is large. The outlines of small ones are clear."""
 
 _EXPLAINED = 0.8
-"""A track explains a segment if the energy along the track is at least this fraction of the energy
-at the velocity of the segment."""
+"""A track explains a segment if it has at least this fraction of the energy at its velocity."""
 
 _MIN_FRACTION = 0.5
 """Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
