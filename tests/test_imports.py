@@ -50,12 +50,12 @@ def test_the_longest_chain_of_units_is_short(imports):
         (
             "bits",
             {
-                "array_hints",
                 "bits_checks",
                 "byte_levels",
                 "channels",
                 "counting",
                 "crop",
+                "frame_sequence",
                 "frames",
                 "lazy",
                 "preview",

@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight import bars
-from jotlight.progress import equal_steps, shown_progress
+from jotlight.calibration import find_hot_jots, steadiness
+from jotlight.formats import open_capture, verify_capture
+from jotlight.images.sets import read_image_set
+from jotlight.progress import bars, equal_steps, shown_progress
+from jotlight.sensing.periodic_rates import find_periodic_rates
+from jotlight.training.photographs import read_photographs
 
 SENSOR = jl.Sensor(oversampling=3)
 
@@ -114,6 +118,55 @@ def test_nothing_is_shown_outside_of_notebooks_and_terminals(capsys):
 def test_other_values_are_refused(progress):
     with pytest.raises(TypeError, match="expected True, False, or a function"):
         jl.evaluate("mle", np.full((1, 8, 8), 0.5), SENSOR, progress=progress)
+
+
+BITS = SENSOR.replace(frames=8).expose(np.full((22, 22), 0.5), rng=0)
+READINGS = jl.Sensor(frames=2, bit_depth=2).expose(np.full((4, 4), 0.5), rng=0)
+BUILDING_BLOCKS = {
+    "expose": lambda folder, **options: SENSOR.expose(np.full((4, 4), 0.5), rng=0, **options),
+    "expose readings": lambda folder, **options: READINGS.sensor.expose([[0.5]], rng=0, **options),
+    "counts": lambda folder, **options: BITS.counts(**options),
+    "sum": lambda folder, **options: READINGS.sum(**options),
+    "calibrate": lambda folder, **options: jl.calibrate(np.ones((8, 8), int), frames=9, **options),
+    "calibrate bits": lambda folder, **options: jl.calibrate(BITS, **options),
+    "steadiness": lambda folder, **options: steadiness(BITS, **options),
+    "steadiness of few": lambda folder, **options: steadiness(BITS[:2], **options),
+    "hot jots": lambda folder, **options: find_hot_jots(BITS, **options),
+    "hot counts": lambda folder, **options: find_hot_jots([[1]], trials=2, **options),
+    "periods": lambda folder, **options: find_periodic_rates(BITS, **options),
+    "periods of counts": lambda folder, **options: find_periodic_rates([[1]], **options),
+    "photographs": lambda folder, **options: read_photographs(
+        [folder / "bsds300" / "test" / "0.png"], **options
+    ),
+    "images": lambda folder, **options: read_image_set(folder / "bsds300" / "test", **options),
+    "stack": lambda folder, **options: read_image_set(folder / "stack.npy", **options),
+    "BSDS300": lambda folder, **options: jl.datasets.bsds300("test", folder, **options),
+    "capture": lambda folder, **options: verify_capture(folder / "bits.npy", **options),
+    "count stack": lambda folder, **options: open_capture(folder / "bits.tif").sum(**options),
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("files")
+    (folder / "bsds300" / "test").mkdir(parents=True)
+    jl.save_image(folder / "bsds300" / "test" / "0.png", np.full((4, 4), 0.5))
+    np.save(folder / "stack.npy", np.full((2, 4, 4), 0.5, np.float32))
+    jl.save(BITS, folder / "bits.npy")
+    jl.save(BITS.counts(1), folder / "bits.tif")
+    return folder
+
+
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+@pytest.mark.parametrize("run", BUILDING_BLOCKS.values(), ids=BUILDING_BLOCKS)
+def test_building_blocks_take_the_same_values_and_have_no_bar_by_default(slow_notebook, run, files):
+    for options in ({}, {"progress": False}, {"progress": lambda fraction: None}):
+        run(files, **options)
+        assert slow_notebook == []
+    for progress in (True, None):
+        run(files, progress=progress)
+    with pytest.raises(TypeError, match="progress: expected True, False, or a function"):
+        run(files, progress="yes")
 
 
 def test_steps_have_equal_parts():

@@ -164,7 +164,9 @@ def real_number(value: Any) -> float:
 def refuse_masked(
     name: str, data: object, advice: str = "fill it, and pass its mask to the sensor"
 ) -> None:
-    """Raise TypeError for a masked array, because its mask would be ignored."""
+    """Raise TypeError for a masked array, or a list of such rows: their mask would be ignored."""
+    for each in data if isinstance(data, list | tuple) else ():
+        refuse_masked(name, each, advice)
     if isinstance(data, np.ma.MaskedArray):
         raise TypeError(f"{name}: expected a plain array, got a masked one; {advice}")
 
@@ -184,8 +186,7 @@ def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
     >>> whole_numbers("ones", [True, False]).tolist()
     [1, 0]
     """
-    refuse_masked(name, values)
-    array = np.asarray(values)
+    array = to_array(name, values)
     if array.dtype.kind not in "iub":
         raise TypeError(f"{name}: expected whole numbers, got {type_of(values, array)}")
     if array.size and (array.min() < 0 or array.max() >= 2**31):
@@ -254,7 +255,6 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[Any]:
     ValueError
         When an intensity is negative or not finite, or there are none.
     """
-    refuse_masked(name, image)
     refuse_image_path(name, image, "jotlight.read_image(path)")
     array = to_array(name, image)
     require_intensities(name, array)
@@ -284,7 +284,6 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     ValueError
         For less than two axes or no pixels, and for counts out of range.
     """
-    refuse_masked("counts", data)
     counts = to_array("counts", data)
     if counts.dtype.kind not in "iu" and counts.size:  # an empty list has the type of floats
         raise TypeError(
@@ -322,9 +321,10 @@ def to_array(name: str, values: Any) -> npt.NDArray[Any]:
 
     Raises
     ------
-    ValueError
-        When the rows of a list differ in their length.
+    TypeError, ValueError
+        For masked arrays, and when the rows of a list differ in their length.
     """
+    refuse_masked(name, values)
     try:
         return np.asarray(values)
     except ValueError as error:

@@ -27,18 +27,10 @@ def seed_bytes(rng: SeedLike) -> bytes:
     """
     if isinstance(rng, np.random.Generator):
         return rng.bytes(32)
-    if isinstance(rng, bool) or not isinstance(
-        rng, int | np.integer | np.random.SeedSequence | None
-    ):
-        raise TypeError(
-            "rng: expected a whole number, a numpy.random.Generator, a SeedSequence or None, "
-            f"got {rng!r}"
-        )
+    _check_seed(rng)
     if isinstance(rng, np.random.SeedSequence):
         sequence = rng
     else:
-        if rng is not None and rng < 0:
-            raise ValueError(f"rng: expected a seed of 0 or more, got {rng}")
         sequence = np.random.SeedSequence(rng if rng is None else int(rng))
     return sequence.generate_state(8, np.uint32).astype("<u4").tobytes()
 
@@ -55,3 +47,34 @@ def seed_of_image(seed: bytes, index: int) -> bytes:
     if index == 0:
         return seed
     return hashlib.blake2b(index.to_bytes(8, "little"), key=seed, digest_size=32).digest()
+
+
+def random_generator(rng: SeedLike) -> np.random.Generator:
+    """Return the generator of a seed, or the generator itself.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`seed_bytes`.
+
+    Examples
+    --------
+    >>> random_generator(7).integers(100) == np.random.default_rng(7).integers(100)
+    np.True_
+    """
+    if not isinstance(rng, np.random.Generator):
+        _check_seed(rng)
+    return np.random.default_rng(rng)
+
+
+def _check_seed(rng: object) -> None:
+    """Raise TypeError or ValueError unless this is a seed, or None."""
+    if isinstance(rng, bool) or not isinstance(
+        rng, int | np.integer | np.random.SeedSequence | None
+    ):
+        raise TypeError(
+            "rng: expected a whole number, a numpy.random.Generator, a SeedSequence or None, "
+            f"got {rng!r}"
+        )
+    if isinstance(rng, int | np.integer) and rng < 0:
+        raise ValueError(f"rng: expected a seed of 0 or more, got {rng}")

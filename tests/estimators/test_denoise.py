@@ -1,4 +1,5 @@
 import importlib.util
+import inspect
 import sys
 
 import numpy as np
@@ -130,3 +131,12 @@ def test_a_denoiser_in_a_thread_raises_its_errors_and_uses_the_callers_numpy_set
         jl.denoise.gaussian(np.ones((8, 8), np.float32), sigma=[1, 2, 3])
     with np.errstate(all="raise"):
         jl.denoise.gaussian(np.ones((8, 8), np.float32))
+
+
+@pytest.mark.parametrize("name", denoise.DENOISERS)
+def test_help_lists_the_axis_of_color_channels(name):
+    function = denoise.DENOISERS[name]
+    axis = inspect.signature(function).parameters["channel_axis"]
+    assert axis.kind is inspect.Parameter.KEYWORD_ONLY
+    assert axis.default is None
+    assert "channel_axis : int, optional" in function.__doc__

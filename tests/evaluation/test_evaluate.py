@@ -259,3 +259,22 @@ def test_a_network_is_evaluated_in_the_requested_precision():
     assert jl.evaluate("network-small", IMAGES[:1], SENSOR) != expected
     with pytest.raises(ValueError, match="precision: expected f32 for mle, got bf16"):
         jl.evaluate("mle", IMAGES[:1], SENSOR, precision="bf16")
+
+
+def test_a_stack_in_a_list_is_no_image():
+    for shape in ((4, 8, 8), (2, 2, 8, 8)):
+        with pytest.raises(ValueError, match=r"each image of shape \(H, W\), got shape .* index 1"):
+            jl.evaluate("mle", [np.ones((8, 8)), np.ones(shape)], SENSOR)
+    with pytest.raises(ValueError, match=r"\(H, W\) and an axis of channels, got shape"):
+        jl.evaluate("mle", [np.ones((2, 8, 8, 3))], SENSOR, channel_axis=-1)
+
+
+def test_a_bool_is_no_seed():
+    with pytest.raises(TypeError, match=r"rng: expected an int, .* got True"):
+        jl.evaluate("mle", [np.ones((8, 8))], SENSOR, rng=True)
+
+
+def test_evaluations_of_equal_scores_are_equal():
+    results = [jl.evaluate("mle", [np.full((8, 8), 0.5)], SENSOR) for _ in range(2)]
+    assert results[0] == results[1]
+    assert hash(results[0]) == hash(results[1])

@@ -199,3 +199,30 @@ def test_counts_in_place_of_intensities_are_reported():
         jl.reconstruct(bits, method=lambda bits: bits.counts())
     jl.reconstruct(bits, method=lambda bits: bits.counts() / bits.sensor.trials)
     jl.reconstruct(bits, method=lambda bits: (bits.counts() > 2).astype(int))
+
+
+def test_a_function_cannot_change_the_data_of_others():
+    sensor = jl.Sensor(frames=8)
+    bits = sensor.expose(np.full((4, 4), 0.5), rng=0)
+    counts = bits.counts()
+    before = counts.copy()
+
+    def change_counts(own):
+        own[:] = 0
+        return own / 8.0
+
+    jl.reconstruct(counts, sensor, method=change_counts)
+    np.testing.assert_array_equal(counts, before)
+
+    def change_bits(own):
+        own.packed[:] = 0
+
+    with pytest.raises(ValueError, match="read-only"):
+        jl.reconstruct(bits, method=change_bits)
+    readings = jl.Readings(np.ones((2, 4, 4), np.uint16), jl.Sensor(frames=2, bit_depth=2))
+
+    def change_readings(own):
+        own.frames[:] = 0
+
+    with pytest.raises(ValueError, match="read-only"):
+        jl.reconstruct(readings, method=change_readings)

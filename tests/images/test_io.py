@@ -279,3 +279,16 @@ def test_a_png_is_written_as_fast_as_with_pillow(tmp_path, photo):
     assert best["jotlight"] < 1.1 * best["Pillow"]
     sizes = [(tmp_path / f"{name}.png").stat().st_size for name in ("jotlight", "pillow")]
     assert sizes[0] < 1.02 * sizes[1]
+
+
+def test_arrays_in_npy_become_photographs(tmp_path):
+    colors = np.random.default_rng(0).random((4, 5, 4))
+    np.save(tmp_path / "a.npy", colors)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.npy"), colors)
+    np.save(tmp_path / "a.npy", colors[..., :1])
+    for gray in (False, True):
+        np.testing.assert_array_equal(read_image(tmp_path / "a.npy", gray=gray), colors[..., 0])
+    for wrong in (np.zeros(()), np.zeros(5), np.zeros((0, 4))):
+        np.save(tmp_path / "a.npy", wrong)
+        with pytest.raises(ValueError, match=r"expected an image of shape \(H, W\) or \(H, W, 3\)"):
+            read_image(tmp_path / "a.npy")

@@ -1,10 +1,13 @@
 """Which blocks of a window the film network reads besides the whole window."""
 
+import pickle
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import jotlight as jl
+from jotlight.motion.film import film
 from jotlight.motion.film_image import find_parts
 
 
@@ -47,3 +50,15 @@ def test_parts_do_not_overlap_and_are_next_to_each_other(blocks, place):
     together = sorted(block for part in sixteenths for block in part)
     assert len(together) == len(set(together))
     assert together == list(range(together[0], together[-1] + 1))
+
+
+def test_an_image_is_pickled_with_its_counts_and_without_the_frames():
+    bits = jl.Sensor(frames=64).expose(np.full((64, 64), 0.3), rng=0)
+    image = next(film(bits, window=32))
+    data = pickle.dumps(image)
+    other = pickle.loads(data)
+    assert len(other.nearest) == len(image.nearest) == 6
+    for own, expected in zip(other.nearest, image.nearest, strict=True):
+        np.testing.assert_array_equal(own.ones, expected.ones)
+    assert other.time == image.time
+    np.testing.assert_array_equal(other.merged.ones, image.merged.ones)

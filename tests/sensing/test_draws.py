@@ -14,7 +14,9 @@ GRAY = Layout(())
 def draw_of(sensor, layout=GRAY, frames=None):
     pixels = np.zeros(layout.shape_of((4, 6)))
     window = Window.from_slices((4, 6), sensor.frames, None, frames)
-    return Draw(sensor.engine_parts(), pixels, layout, bytes(32), window, None, None)
+    return Draw(
+        sensor.engine_parts(), pixels, layout, bytes(32), window, None, lambda fraction: None
+    )
 
 
 @pytest.mark.parametrize(

@@ -205,10 +205,28 @@ def test_arguments_out_of_range_are_refused(ones, options, error, message):
         ([1.0, -1e-9, 1.0], "light: expected 0 or more, got -1e-09"),
         ([1.0, np.nan, 1.0], "light: expected 0 or more, got nan"),
         ([1.0, -np.inf, 1.0], "light: expected 0 or more, got -inf"),
-        ([1.0, 1.0], r"light: expected shape \(3,\), got \(2,\)"),
-        ([[1.0, 1.0, 1.0]], r"light: expected shape \(3,\), got \(1, 3\)"),
+        ([1.0, 1.0], r"light: expected a number, or an array of shape \(3,\), got \(2,\)"),
+        ([[1.0, 1.0, 1.0]], r"light: expected a number, or an array of shape \(3,\), got \(1, 3\)"),
     ],
 )
 def test_light_out_of_range_is_refused(method, light, message):
     with pytest.raises(ValueError, match=message):
         getattr(jl.Likelihood([0, 1, 1]), method)(light)
+
+
+@pytest.mark.filterwarnings("ignore:the matrix subclass")
+def test_light_is_a_number_or_an_array_of_the_cells():
+    likelihood = jl.Likelihood(np.ones((4, 4), int), trials=4)
+    for wrong in (np.ones(4), np.ones((4, 1)), np.ones((1, 4, 4))):
+        with pytest.raises(ValueError, match=r"a number, or an array of shape \(4, 4\)"):
+            likelihood.value(wrong)
+    for wrong in (np.ones((4, 4), complex), np.full((4, 4), "1"), np.ones((4, 4), bool)):
+        with pytest.raises(TypeError, match="light: expected real numbers"):
+            likelihood.value(wrong)
+    gradient, _ = likelihood.gradient_and_curvature(np.matrix(np.ones((4, 4))))
+    np.testing.assert_array_equal(gradient, likelihood.gradient_and_curvature(1.0)[0])
+
+
+def test_a_single_cell_is_no_stack():
+    with pytest.raises(ValueError, match="expected cells of a stack"):
+        jl.Likelihood(1, trials=4).values(0.5)

@@ -1,5 +1,8 @@
 """Linear operators: the spread of light, differences, and scaling."""
 
+import copy
+import dataclasses
+import pickle
 from functools import cache
 from types import SimpleNamespace
 
@@ -344,3 +347,41 @@ def test_arrays_of_other_shapes_are_refused():
         differences((5,)).adjoint(np.ones(5))
     with pytest.raises(ValueError, match=r"array: expected shape \(2,\), got \(3,\)"):
         scaling((2,), 1.0).forward(np.ones(3))
+
+
+def halve(array):
+    return array / 2
+
+
+@pytest.mark.parametrize(
+    "operator",
+    [
+        jl.operators.spread((4, 6), 2, "linear", gain=3.0, threads=1),
+        jl.operators.scaling((4, 6), 2.0),
+        jl.operators.differences((4, 6)),
+        Operator(halve, halve, (4, 6), (4, 6)),
+    ],
+    ids=["spread", "scaling", "differences", "own"],
+)
+def test_operators_are_pickled_and_copied(operator):
+    image = np.arange(24.0).reshape(4, 6)
+    for other in (pickle.loads(pickle.dumps(operator)), copy.deepcopy(operator)):
+        assert type(other) is type(operator)
+        np.testing.assert_array_equal(other.forward(image), operator.forward(image))
+        np.testing.assert_array_equal(other.forward(image[None]), operator.forward(image[None]))
+        weights = np.ones(operator.output_shape)
+        np.testing.assert_array_equal(other.normal(weights, image), operator.normal(weights, image))
+
+
+def test_problems_are_pickled():
+    problem = jl.Problem(jl.operators.spread((4,), 2), jl.Likelihood(np.ones(8, int), trials=4))
+    other = pickle.loads(pickle.dumps(problem))
+    assert other.log_likelihood(np.ones(4)) == problem.log_likelihood(np.ones(4))
+
+
+def test_a_changed_copy_is_not_pickled_as_the_original():
+    changed = dataclasses.replace(
+        jl.operators.differences((4,)), forward=halve, adjoint=halve, output_shape=(4,)
+    )
+    other = pickle.loads(pickle.dumps(changed))
+    assert other.forward(np.ones(4)).tolist() == [0.5] * 4

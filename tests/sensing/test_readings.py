@@ -120,16 +120,16 @@ def test_the_readings_of_the_jots_of_a_pixel_are_added():
     array = np.arange(48).reshape(2, 4, 6) % 16
     readings = jl.Readings(array, jl.Sensor(frames=2, bit_depth=4))
     fractions = []
-    pixels = readings.sum(2, progress=fractions.append)
+    pixels = readings.sum(oversampling=2, progress=fractions.append)
     expected = array.sum(axis=0).reshape(2, 2, 3, 2).sum(axis=(1, 3))
     np.testing.assert_array_equal(pixels, expected)
     assert fractions[-1] == 1
     del fractions[:]
     with pytest.raises(ValueError, match=r"readings: expected .* multiples of the oversampling 3"):
-        readings.sum(3, progress=fractions.append)
+        readings.sum(oversampling=3, progress=fractions.append)
     assert fractions == []
     with pytest.raises(TypeError, match=r"oversampling: expected a whole number, got 1\.5"):
-        readings.sum(1.5)
+        readings.sum(oversampling=1.5)
 
 
 def test_readings_are_indexed_and_read_like_bits():

@@ -1,6 +1,8 @@
 """Sensors: their parameters, rates, and probabilities."""
 
+import copy
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -307,3 +309,10 @@ def test_parts_that_do_not_describe_a_sensor_are_refused(scalars, maps, message)
 )  # fmt: skip
 def test_repr_names_the_parameters_that_differ_from_their_defaults(sensor, text):
     assert repr(sensor) == text
+
+
+def test_copy_replace_keeps_the_light_of_a_frame():
+    sensor = jl.Sensor(frames=4)
+    assert sensor.__replace__(frames=8) == sensor.replace(frames=8) == jl.Sensor(frames=8)
+    if sys.version_info >= (3, 13):
+        assert copy.replace(sensor, frames=8) == jl.Sensor(frames=8)

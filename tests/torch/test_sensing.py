@@ -301,3 +301,14 @@ def test_the_bound_on_the_variance_fails_less_than_once_in_10_to_the_9():
     """The variance of 4000 samples is within 20 % of its mean, except once in 10^9 times."""
     kurtosis = 3.5  # above that of every binomial variable in this file
     assert norm.sf(0.2 / np.sqrt((kurtosis - 1) / 4000)) < 1e-9
+
+
+def test_data_out_of_range_are_refused():
+    counts = torch.full((1, 1, 4, 4), 9)
+    sensing = Sensing(jl.Sensor(frames=8))
+    with pytest.raises(ValueError, match="data: expected counts from 0 to 8, got 9 to 9"):
+        sensing.log_likelihood(counts, torch.full((1, 1, 4, 4), 0.5))
+    bits = torch.full((1, 8, 4, 4), -1.0)
+    sensing = Sensing(jl.Sensor(frames=8), output="bits")
+    with pytest.raises(ValueError, match="data: expected bits from 0 to 1, got -1"):
+        sensing.log_likelihood(bits, torch.full((1, 1, 4, 4), 0.5))

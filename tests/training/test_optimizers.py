@@ -158,3 +158,28 @@ def test_an_optimizer_that_returns_infinity_or_nan_is_stopped(tmp_path, part, ba
     ):
         jl.train(SMALL, scenes, batch=3, optimizer=Wrong(**{part: bad}), checkpoint=path)
     assert not path.exists()
+
+
+@pytest.mark.parametrize("rate", [np.logspace(-3, -1, 3)[1], np.array(0.01), np.float64(0.01)])
+def test_settings_are_plain_numbers_so_equal_optimizers_have_equal_names(rate):
+    for kind in (Adam, ProjectedGradient):
+        optimizer = kind(learning_rate=rate)
+        assert repr(optimizer) == repr(kind(learning_rate=0.01))
+        assert hash(optimizer) == hash(kind(learning_rate=0.01))
+    assert repr(GaussNewton(damping=rate)) == "GaussNewton(damping=0.01)"
+    assert repr(SafeSet(nu=rate)) == "SafeSet(nu=0.01, monotone=True)"
+    assert Adam(betas=np.array([0.9, 0.99])) == Adam(betas=(0.9, 0.99))
+
+
+@pytest.mark.parametrize("betas", [(0.9,), (0.9, 0.99, 0.9), (0.9, 1.0), 0.9, ("a", "b"), None])
+def test_adam_has_two_betas(betas):
+    with pytest.raises(ValueError, match=r"betas: expected two numbers in \[0, 1\)"):
+        Adam(betas=betas)
+
+
+def test_settings_of_the_safe_set_are_checked():
+    for nu in ("a", None, [1.0], -1, np.inf):
+        with pytest.raises(ValueError, match="nu: expected a number of 0 or more"):
+            SafeSet(nu=nu)
+    with pytest.raises(TypeError, match="monotone: expected True or False"):
+        SafeSet(monotone="no")

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.sensing.response import Array
+from jotlight.underflow import underflows_to_0
 
 _MAX_QUANTILE = 0.7
 """The fit ignores counts above this quantile. Nearly all of them may belong to hot jots."""
@@ -73,6 +74,7 @@ class Bulk:
         log_binomial = -betaln(k + 1, n - k + 1) - np.log1p(n)
         return np.asarray(log_binomial + betaln(k + a, n - k + b) - betaln(a, b))
 
+    @underflows_to_0
     def threshold(self, false_positive_rate: float) -> int:
         """Return the smallest count whose tail probability is at most the rate, or N + 1.
 
@@ -90,6 +92,7 @@ class Bulk:
         reached = np.append(tails, rest) <= false_positive_rate
         return int(np.append(between, stop)[np.argmax(reached)])
 
+    @underflows_to_0
     def tail_probability(self, ones: int) -> float:
         """Return the probability that an ordinary jot has this count or a larger one.
 
@@ -105,6 +108,7 @@ class Bulk:
         between = np.arange(max(ones, 0), counts[place])
         return float(tail[place] + np.exp(self.log_probability(between)).sum())
 
+    @underflows_to_0
     def log_mass(self, low: int, top: int) -> float:
         """Return the logarithm of the probability of the counts from `low` to `top`.
 
@@ -118,6 +122,7 @@ class Bulk:
         highest = logarithms.max()
         return float(highest + np.log(_sums(counts, np.exp(logarithms - highest)).sum()))
 
+    @underflows_to_0
     def _tail_probabilities(self) -> tuple[npt.NDArray[np.int64], Array]:
         """Return counts, and for each the probability of this count or a larger one."""
         counts = self._grid(0, self.frames)

@@ -19,6 +19,7 @@ from jotlight.calibration.result import Calibration, check_same_jots
 from jotlight.calibration.steadiness import Steadiness, steadiness, warn_about_frames
 from jotlight.checks import Counts, as_counts, positive_number, real_number, shown
 from jotlight.errors import warn
+from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
@@ -47,7 +48,7 @@ def calibrate(
     provenance: dict[str, Provenance] | None = None,
     mosaic: object = None,
     threads: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = False,
 ) -> Calibration:
     """Return the calibration of a sensor from a dark capture and, optionally, a flat one.
 
@@ -80,8 +81,9 @@ def calibrate(
         none.
     threads : int, optional
         Number of threads. Default: all.
-    progress : callable, optional
-        Called repeatedly with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
     Returns
     -------
@@ -126,19 +128,16 @@ def calibrate(
     known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)
     if "dark" in known and "flat" in known:
         check_same_jots("flat", known["flat"], "dark", known["dark"])
-    half = 0.5 if flat is not None else 1.0
-
-    def progress_from(first: float) -> Callable[[float], object] | None:
-        return None if progress is None else lambda done: progress(first + half * done)
-
     if flat_frames is None and not isinstance(flat, Bits):
         flat_frames = frames
-    sums = count_jots("dark", dark, frames, threads, progress_from(0))
-    bright = None
-    if flat is not None:
-        bright = count_jots("flat", flat, flat_frames, threads, progress_from(half))
-        filters = mosaic_of_jots(flat, mosaic, bright.ones.shape)
-        bright = dataclasses.replace(bright, mosaic=filters)
+    with shown_progress(progress, "calibrating") as update:
+        begin = equal_steps(update, 1 if flat is None else 2)
+        sums = count_jots("dark", dark, frames, threads, begin("the dark capture"))
+        bright = None
+        if flat is not None:
+            bright = count_jots("flat", flat, flat_frames, threads, begin("the flat capture"))
+            filters = mosaic_of_jots(flat, mosaic, bright.ones.shape)
+            bright = dataclasses.replace(bright, mosaic=filters)
     return calibrate_sums(sums, bright, threshold, false_positive_rate, max_dark, known)
 
 
@@ -267,7 +266,7 @@ def count_jots(
     data: Bits | npt.ArrayLike,
     frames: int | None,
     threads: int | None,
-    progress: Callable[[float], object] | None,
+    progress: Callable[[float], object],
 ) -> JotSums:
     """Return what a calibration needs from a capture, named in messages."""
     refuse_path(data)

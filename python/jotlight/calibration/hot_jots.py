@@ -1,13 +1,12 @@
 """Hot jots in a capture of a scene, for sensors without a dark capture."""
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts, real_number, shown, whole_number
 from jotlight.interrupts import interruptible
 from jotlight.layout import image_channels
+from jotlight.progress import Progress, check_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.counting import check_mask
@@ -58,7 +57,7 @@ def find_hot_jots(
     false_positive_rate: float = FALSE_POSITIVE_RATE,
     channel_axis: int | None = None,
     threads: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = False,
 ) -> npt.NDArray[np.bool_]:
     """Return the jots that detect far more than their neighborhood explains.
 
@@ -87,8 +86,9 @@ def find_hot_jots(
         Axis of counts that holds color channels. Default: none.
     threads : int, optional
         Number of threads. Default: all.
-    progress : callable, optional
-        Called repeatedly with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
     Returns
     -------
@@ -115,6 +115,7 @@ def find_hot_jots(
     [[5, 7]]
     """
     check_false_positive_rate(false_positive_rate)
+    check_progress(progress)
     if isinstance(data, Bits):
         counts, number = data.counts(1, threads=threads, progress=progress), len(data)
         if isinstance(data.sensor, Sensor):

@@ -2,12 +2,13 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.progress import Progress, check_progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.counting import check_mask
 from jotlight.sensing.frames import Frames, read_frames
@@ -67,7 +68,7 @@ def steadiness(
     mask: npt.NDArray[np.bool_] | None = None,
     *,
     threads: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = False,
 ) -> Steadiness | None:
     """Return the results of tests for correlated frames and for change over time.
 
@@ -85,8 +86,9 @@ def steadiness(
         True marks jots to ignore.
     threads : int, optional
         Number of threads. Default: all.
-    progress : callable, optional
-        Called repeatedly with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
     Returns
     -------
@@ -116,17 +118,18 @@ def steadiness(
     0.5
     """
     check_mask(mask, bits.shape[1:])
+    check_progress(progress)
     size = block_frames(len(bits))
     if size is None:
         return None
     blocks = len(bits) // size
     counts, pairs = [], []
-    for index in range(blocks):
-        block = bits[index * size : (index + 1) * size]
-        counts.append(block.counts(1, threads=threads))
-        pairs.append(_successive_ones(block).counts(1, threads=threads))
-        if progress:
-            progress((index + 1) / blocks)
+    with shown_progress(progress, "comparing frames") as update:
+        for index in range(blocks):
+            block = bits[index * size : (index + 1) * size]
+            counts.append(block.counts(1, threads=threads))
+            pairs.append(_successive_ones(block).counts(1, threads=threads))
+            update((index + 1) / blocks)
     return steadiness_of_blocks(counts, pairs, size, mask)
 
 

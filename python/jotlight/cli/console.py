@@ -17,9 +17,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from jotlight.bars import SafeConsole, console, make_bar
 from jotlight.errors import JotlightWarning
 from jotlight.estimators.convergence import Iteration, IterationCallback, follow_slowest
+from jotlight.progress.bars import SafeConsole, console, make_bar
 from jotlight.training import Record
 from jotlight.training.reporting import StepDescriber
 

@@ -9,7 +9,6 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
-from jotlight.bars import printable
 from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
@@ -34,6 +33,7 @@ from jotlight.layout import is_single_image
 from jotlight.motion.motion import FORMAT as MOTION
 from jotlight.motion.motion import Motion
 from jotlight.networks.loading import load_network
+from jotlight.progress.bars import printable
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import stored_format

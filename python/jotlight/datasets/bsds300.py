@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path
-from jotlight.datasets.fetch import Progress, RemoteFiles, fetch, split_progress
+from jotlight.datasets.fetch import RemoteFiles, fetch
 from jotlight.images.sets import check_first, read_image_set
+from jotlight.progress import Progress, equal_steps, shown_progress
 
 SITE = (
     "https://raw.githubusercontent.com/BIDS/BSDS500/"
@@ -37,7 +38,7 @@ def bsds300(
     folder: str | os.PathLike[str] | None = None,
     *,
     first: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = False,
 ) -> tuple[list[str], list[npt.NDArray[np.float32]]]:
     """Return the photographs of BSDS300 in gray, sorted by file name.
 
@@ -57,8 +58,9 @@ def bsds300(
         verified, and stored in the user's cache.
     first : int, optional
         Read only the first `first` images. Default: all.
-    progress : callable, optional
-        Called with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
     Returns
     -------
@@ -108,9 +110,10 @@ def bsds300(
         return read_image_set(stored, first=first, progress=progress)
     source = _remote_files()
     names = sorted(name for name in source.urls if name.startswith(f"bsds300/{split}/"))[:first]
-    fetching, reading = split_progress(progress)
-    stored = fetch(source, names, fetching) / "bsds300" / split
-    return read_image_set(stored, first=first, progress=reading)
+    with shown_progress(progress, "BSDS300") as update:
+        begin = equal_steps(update, 2)
+        stored = fetch(source, names, begin("fetching BSDS300")) / "bsds300" / split
+        return read_image_set(stored, first=first, progress=begin("reading BSDS300"))
 
 
 def _split_folder(folder: Path, split: str) -> Path:

@@ -1,14 +1,16 @@
 """The small images of CIFAR-10."""
 
 import os
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path
 from jotlight.datasets import cifar10_files
-from jotlight.datasets.fetch import Progress, RemoteFiles, fetch, split_progress
+from jotlight.datasets.fetch import RemoteFiles, fetch
 from jotlight.images.sets import check_first
+from jotlight.progress import Progress, equal_steps, shown_progress
 
 SITE = "https://www.cs.toronto.edu/~kriz"
 SHA256 = "c4a38c50a1bc5f3a1c5537f2155ab9d68f9f25eb1ed8d9ddda3db29a59bca1dd"
@@ -25,7 +27,7 @@ def cifar10(
     folder: str | os.PathLike[str] | None = None,
     *,
     first: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = False,
 ) -> npt.NDArray[np.float32]:
     """Return the images of CIFAR-10 in gray, in their official order.
 
@@ -48,8 +50,9 @@ def cifar10(
         the user's cache.
     first : int, optional
         Read only the first `first` images. Default: all.
-    progress : callable, optional
-        Called with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
     Returns
     -------
@@ -89,23 +92,25 @@ def cifar10(
     if split not in _FILES:
         raise ValueError(f"split: expected 'train' or 'test', got {split!r}")
     check_first(first)
-    names, reading = _FILES[split], progress
-    if folder is None:
-        source = _remote_files()
-        fetching, reading = split_progress(progress)
-        folder = fetch(source, source.urls, fetching)
-        batches = cifar10_files.read_archive(folder / cifar10_files.ARCHIVE, names)
-    else:
-        batches = cifar10_files.read_folder(as_path(folder, 'cifar10(folder="data")'), split, names)
+    names = _FILES[split]
     levels: list[npt.NDArray[np.uint8]] = []
-    for batch in batches:
-        levels.append(batch)
-        if first is not None and sum(map(len, levels)) >= first:
-            break
-        if reading and len(levels) < len(names):
-            reading(len(levels) / len(names))
-    if reading:
-        reading(1.0)
+    with shown_progress(progress, "CIFAR-10") as update:
+        report: Callable[[float], object] = update
+        if folder is None:
+            source, begin = _remote_files(), equal_steps(update, 2)
+            stored = fetch(source, source.urls, begin("fetching CIFAR-10"))
+            report = begin("reading CIFAR-10")
+            batches = cifar10_files.read_archive(stored / cifar10_files.ARCHIVE, names)
+        else:
+            path = as_path(folder, 'cifar10(folder="data")')
+            batches = cifar10_files.read_folder(path, split, names)
+        for batch in batches:
+            levels.append(batch)
+            if first is not None and sum(map(len, levels)) >= first:
+                break
+            if len(levels) < len(names):
+                report(len(levels) / len(names))
+        report(1.0)
     stack = np.concatenate(levels)[:first]
     return stack.astype(np.float32) / np.float32(255)
 

@@ -165,11 +165,3 @@ class _Bar:
 
     def close(self) -> None:
         """Do nothing. pooch calls this method at the end."""
-
-
-def split_progress(progress: Progress | None) -> tuple[Progress | None, Progress | None]:
-    """Return callbacks for fetching and for reading. Each covers half of the progress."""
-    if progress is None:
-        return None, None
-    report = progress
-    return lambda done: report(done / 2), lambda done: report((1 + done) / 2)

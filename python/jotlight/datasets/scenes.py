@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from jotlight.images.color import luma
 from jotlight.parameter_names import check_choice, takes_rng
+from jotlight.seeds import random_generator
 
 PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
 """Names of photographs of scikit-image: three in gray, then four in color."""
@@ -56,7 +57,7 @@ def uniform_scene(
     >>> uniform_scene((2, 3), rng=0).shape
     (2, 3)
     """
-    return np.random.default_rng(rng).random(shape, np.float32)
+    return random_generator(rng).random(shape, np.float32)
 
 
 def uniform_scenes(rng: np.random.Generator, number: int) -> npt.NDArray[np.float32]:

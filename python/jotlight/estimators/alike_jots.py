@@ -224,7 +224,7 @@ def _information(counts: DifferentJots, light: Array) -> Array:
     rate = counts.rate(light)
     _, variance = _bit(rate, counts.threshold)
     slope = counts.efficiency * detection_density(counts.threshold, rate)
-    return counts.trials * slope**2 / variance
+    return np.asarray(counts.trials * slope**2 / variance)
 
 
 def _toward_own(counts: DifferentJots, light: Array) -> Array:

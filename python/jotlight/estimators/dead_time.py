@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, number_in_range, positive_number, shown, type_of
+from jotlight.checks import as_counts, number_in_range, positive_number, shown, to_array, type_of
 from jotlight.estimators.merge_detections import merge_near_neighbors
 from jotlight.estimators.merge_readings import counts_of_equal_likelihood, round_ones
 from jotlight.estimators.reference_sensors import MAX_RATE
@@ -132,7 +132,7 @@ class FreeRunning:
         >>> FreeRunning(dead_time=0.01).draw(np.full(3, 1e9), rng=0).tolist()
         [100, 100, 100]
         """
-        levels = np.asarray(light, np.float64)
+        levels = np.asarray(to_array("light", light), np.float64)
         seed = np.frombuffer(seed_bytes(rng), np.uint32)
         uniform = np.random.default_rng(seed).random(levels.shape)
         low, high = np.zeros(levels.shape, np.int64), np.full(levels.shape, self.max_count)
@@ -326,14 +326,14 @@ class FreeRunning:
         return counts_of_equal_likelihood(gradient, information, slope, rate, rate, **ends)
 
     def _rate(self, light: npt.ArrayLike) -> Array:
-        levels = np.asarray(light, np.float64)
+        levels = np.asarray(to_array("light", light), np.float64)
         if not (levels >= 0).all():
             raise ValueError(f"light: expected photons per exposure, 0 or more, got {shown(light)}")
         # Infinite light, the upper end of an interval, has the limits of all sums.
         return np.minimum(self.efficiency * levels + self.dark_counts, _SATURATED_RATE)
 
     def _checked(self, counts: npt.ArrayLike, beyond: int = 0) -> npt.NDArray[np.int64]:
-        values = np.asarray(counts)
+        values = to_array("counts", counts)
         if values.dtype.kind not in "iu":
             raise ValueError(
                 f"counts: expected whole numbers, got {type_of(counts, values)}; cast rounded "

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.sensing.response import Array
+from jotlight.underflow import underflows_to_0
 
 _MAX_STEPS = 30
 """Maximum number of steps. A likelihood without a maximum at a finite rate reaches it."""
@@ -51,11 +52,13 @@ class Gates:
         ones, readings = self.ones[:, places], self.readings[:, places]
         return dataclasses.replace(self, ones=ones, readings=readings)
 
+    @underflows_to_0
     def light(self, point: Array) -> Array:
         """Return exp(a - r t), (G, P)."""
         exponent = point[0] - np.multiply.outer(self.times, point[1])
         return np.asarray(np.exp(np.clip(exponent, -600, 600)))
 
+    @underflows_to_0
     def first_point(self) -> Array:
         """Return where the search begins: the most likely one of some rates, (2, P)."""
         light = -np.log1p(-self.ones / (self.readings + 1)) - self.dark_counts
@@ -81,6 +84,7 @@ class Gates:
             point[0] += np.clip(step, -_MAX_STEP, _MAX_STEP)
         return point
 
+    @underflows_to_0
     def derivatives(self, light: Array) -> tuple[Array, Array, Array]:
         """Return the odds of a 0, and the slope and the information about log light, (G, P)."""
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):

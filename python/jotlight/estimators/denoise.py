@@ -9,13 +9,14 @@ time. The default strengths were chosen on the BSDS training images at K = 16
 """
 
 import functools
+import inspect
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, positive_number
+from jotlight.checks import number_in_range, positive_number, to_array
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.vst import NOISE
 from jotlight.interrupts import interruptible
@@ -33,19 +34,27 @@ Denoiser = Callable[[Float32Image], npt.ArrayLike]
 
 
 def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float32Image]:
-    """Return a denoiser of stacks and colors, which calls `denoise` for each image (H, W)."""
+    """Return a denoiser of stacks and colors, which calls `denoise` for each image (H, W).
+
+    Its signature and its docstring include the parameter `channel_axis`.
+    """
 
     @functools.wraps(denoise)
     def denoise_all(
         image: npt.ArrayLike, *args: Any, channel_axis: int | None = None, **kwargs: Any
     ) -> Float32Image:
-        values = np.asarray(image)
+        values = to_array("image", image)
         if values.dtype.kind not in "biuf":
             raise ValueError(f"image: expected numbers, got {values.dtype}")
         layout = Layout.of("image", values, channel_axis)
         images = layout.split(values).astype(np.float32)
         return layout.arrange(np.stack([denoise(each, *args, **kwargs) for each in images]))
 
+    signature = inspect.signature(denoise)
+    kind = inspect.Parameter.KEYWORD_ONLY
+    axis = inspect.Parameter("channel_axis", kind, default=None, annotation=int | None)
+    parameters = [*signature.parameters.values(), axis]
+    denoise_all.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return denoise_all
 
 
@@ -60,6 +69,9 @@ def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
         Stabilized counts, or other numbers.
     sigma : float
         The standard deviation in pixels, from 0 to 1000.
+    channel_axis : int, optional
+        The axis of color channels. Default: none, and axes before the last two are those of a
+        stack.
 
     Examples
     --------
@@ -82,6 +94,9 @@ def tv(image: Float32Image, weight: float = 0.45) -> Float32Image:
         Stabilized counts, or other numbers.
     weight : float
         The strength of the smoothing, above 0.
+    channel_axis : int, optional
+        The axis of color channels. Default: none, and axes before the last two are those of a
+        stack.
 
     Raises
     ------
@@ -113,6 +128,9 @@ def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
         Stabilized counts, or other numbers.
     strength : float
         The filter parameter h in units of the noise's standard deviation, above 0.
+    channel_axis : int, optional
+        The axis of color channels. Default: none, and axes before the last two are those of a
+        stack.
 
     Raises
     ------
@@ -149,6 +167,9 @@ def bm3d(image: Float32Image) -> Float32Image:
     ----------
     image : array_like, shape (H, W) or (..., H, W)
         Stabilized counts, or other numbers.
+    channel_axis : int, optional
+        The axis of color channels. Default: none, and axes before the last two are those of a
+        stack.
 
     Raises
     ------

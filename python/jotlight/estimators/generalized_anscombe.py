@@ -16,6 +16,7 @@ from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Estimate
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.response import Array
+from jotlight.underflow import underflows_to_0
 
 _GRID = 1025
 """Number of rates at which the mean of the transform is computed. Others are interpolated."""
@@ -66,6 +67,7 @@ def generalized_anscombe(
     return np.asarray(np.sqrt(sums + 0.375 + trials * read_noise**2), np.float32)
 
 
+@underflows_to_0
 def transformed_mean(cells: ReadingLikelihood, trials: int, rates: Array) -> Array:
     """Return the expectation of the transform of the sum of some readings at each rate.
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import to_array
 from jotlight.estimators.convergence import ConvergenceHistories, ConvergenceMonitor
 from jotlight.estimators.problem_building import build_problem
 from jotlight.layout import Layout
@@ -20,6 +21,7 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
+from jotlight.underflow import underflows_to_0
 
 Solver = Callable[[Problem, Array | None], Array]
 """A function that returns the images of the problem of a stack, from their initial images."""
@@ -49,6 +51,7 @@ class SolverInputs:
     """The number of threads. Default: all cores."""
 
 
+@underflows_to_0
 def solve_images(
     solve: Solver, monitor: ConvergenceMonitor, inputs: SolverInputs
 ) -> tuple[Estimate, ConvergenceHistories]:
@@ -117,7 +120,7 @@ def _refuse_options(inputs: SolverInputs) -> None:
 
 
 def _check_start(start: npt.ArrayLike) -> Array:
-    array = np.asarray(start)
+    array = to_array("start", start)
     if array.dtype.kind != "f":
         raise TypeError(f"start: expected floats in units of intensity, got {array.dtype}")
     if not np.isfinite(array).all():

@@ -12,6 +12,7 @@ from jotlight.sensing.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, intensity_at_probability
 from jotlight.sensing.sensor import Sensor
+from jotlight.underflow import underflows_to_0
 
 
 def joint_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
@@ -95,6 +96,7 @@ def _start(joint: JointLikelihood, offset: float) -> Array:
     return np.asarray(np.exp(mean) - offset)
 
 
+@underflows_to_0
 def _estimate_of_group(term: Term, sensor: Sensor, offset: float) -> tuple[Array, Array, Array]:
     """Return the intensity that the readings of a group state, its information, and their number.
 

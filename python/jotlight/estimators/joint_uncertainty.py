@@ -13,6 +13,7 @@ from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
+from jotlight.underflow import underflows_to_0
 
 MAX_EXACT_TOTAL = {True: 256, False: 1024}
 """Maximum total of the readings of a pixel, of one bit and of several, whose interval is exact."""
@@ -82,6 +83,7 @@ def joint_uncertainty(
     return Uncertainty.arrange(each, images.layout)
 
 
+@underflows_to_0
 def _uncertainty(joint: JointLikelihood, confidence_level: float) -> Uncertainty:
     """Return the uncertainty of a gray image, whose arrays have the shape (1, H, W)."""
     dead = joint.trials == 0

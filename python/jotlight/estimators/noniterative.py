@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import to_array
 from jotlight.estimators import vst
 from jotlight.estimators.denoise import Denoiser, resolve_denoiser
 from jotlight.estimators.generalized_anscombe import Denoise, denoise_readings, is_saturated
@@ -161,7 +162,7 @@ def _run_denoiser(denoiser: str | Denoiser, z: Estimate) -> Estimate:
     """Return the denoised images (N, H, W). A function of the caller takes one at a time."""
     run = resolve_denoiser(denoiser)
     results: Any = run(z) if isinstance(denoiser, str) else [run(each) for each in z]
-    denoised = [np.asarray(each, np.float32) for each in results]
+    denoised = [np.asarray(to_array("denoiser", each), np.float32) for each in results]
     for each in denoised:
         if each.shape != z.shape[1:] or not np.isfinite(each).all():
             raise ValueError(

@@ -9,6 +9,7 @@ from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.joint_term import Term
 from jotlight.sensing.multibit import ReadingLikelihood, reading_distribution
 from jotlight.sensing.response import Array, detection_probability, silence_probability
+from jotlight.underflow import underflows_to_0
 
 MAX_KINDS = 64
 """Maximum number of kinds of pixels of an image."""
@@ -24,6 +25,7 @@ class Cell:
     efficiency: float
     dark_counts: float
 
+    @underflows_to_0
     def distribution(self, level: Array, length: int) -> Array:
         """Return the probabilities of sums of 0 to `length` - 1 at each level, (len, length)."""
         rate = self.efficiency * self.term.light * level + self.dark_counts
@@ -69,6 +71,7 @@ class PixelKind:
         """The largest possible total."""
         return sum(cell.trials * cell.term.max_reading for cell in self.cells)
 
+    @underflows_to_0
     def distribution(self, level: Array, length: int) -> Array:
         """Return the probabilities of totals of 0 to `length` - 1 at each level, (len, length).
 

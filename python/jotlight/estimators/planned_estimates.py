@@ -19,6 +19,7 @@ import numpy.typing as npt
 from jotlight.kept import kept_property
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.response import Array, JotResponse
+from jotlight.underflow import underflows_to_0
 
 _MIN_SUMS = 1 << 12
 """Minimum number of sums of scores whose probabilities are computed."""
@@ -255,6 +256,7 @@ def _probabilities_of_sums(parts: list[Part], step: float, length: int) -> Array
     return np.asarray(np.where(weights < _NEGLIGIBLE, 0, weights))
 
 
+@underflows_to_0
 def _power(values: npt.NDArray[np.complex128], exponent: int) -> npt.NDArray[np.complex128]:
     """Return a positive whole power of complex numbers by squaring, as NumPy's power is slow.
 

@@ -18,6 +18,7 @@ from jotlight.sensing.reading_groups import refuse_different_readings
 from jotlight.sensing.reference import sensor_of_median_jot
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor
+from jotlight.underflow import underflows_to_0
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
@@ -131,6 +132,7 @@ class Plan:
         )
 
 
+@underflows_to_0
 def plan(
     sensor: Sensor,
     light: float | tuple[float, float],

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from jotlight.interrupts import interruptible
 from jotlight.sensing.response import Array
+from jotlight.underflow import underflows_to_0
 
 Numbers = npt.NDArray[np.integer]
 
@@ -74,6 +75,7 @@ class Renewal:
             tails[part] = interruptible(tail)(n[part], argument[part])
         return tails, is_upper
 
+    @underflows_to_0
     def probabilities(self, count: Numbers, rate: Array) -> Array:
         """Return P(N = n) for all but the last of successive numbers in the last axis."""
         tails, is_upper = self._tails(count, rate)
@@ -82,6 +84,7 @@ class Renewal:
         same = np.where(is_upper[..., :-1], own - following, following - own)
         return np.where(is_upper[..., :-1] == is_upper[..., 1:], same, 1 - own - following)
 
+    @underflows_to_0
     def slope(self, count: Numbers, rate: Array) -> Array:
         """Return the derivative of P(N ≥ n) by the rate: u(n) times a Poisson probability."""
         from scipy.special import gammaln, xlogy
@@ -90,6 +93,7 @@ class Renewal:
         logarithm = xlogy(earlier, rate * rest) - rate * rest - gammaln(earlier + 1)
         return np.asarray(np.where((count > 0) & (rest > 0), rest * np.exp(logarithm), 0.0))
 
+    @underflows_to_0
     def score(self, count: Numbers, rate: Array) -> Array:
         """Return the derivative of log P(N = n) by the rate."""
         n, rates = np.broadcast_arrays(count, rate)
@@ -101,6 +105,7 @@ class Renewal:
             steep = n / rates - self.rest(n + 1)
             return np.asarray(np.where(probability > _TINY, slope / probability, steep))
 
+    @underflows_to_0
     def mean(self, rate: Array) -> Array:
         """Return the expected number of detections: the sum of P(N ≥ n) over n from 1."""
 
@@ -109,6 +114,7 @@ class Renewal:
 
         return self._sum(rate, total)
 
+    @underflows_to_0
     def information(self, rate: Array) -> Array:
         """Return the Fisher information of the number about the rate."""
 

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import to_array
 from jotlight.interrupts import interruptible
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.likelihood import Likelihood
@@ -14,6 +15,7 @@ from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.stacks import each_image, image_means, image_sums
 from jotlight.sensing.values import flatten
+from jotlight.underflow import underflows_to_0
 
 NORMS = ("isotropic", "anisotropic")
 """The names of the norms of a pixel's two differences."""
@@ -57,7 +59,7 @@ def total_variation(
     >>> total_variation(corner), total_variation(1 - corner[::-1, ::-1], "anisotropic")
     (2.0, 2.0)
     """
-    values = np.asarray(image, np.float64)
+    values = np.asarray(to_array("image", image), np.float64)
     if values.ndim not in (1, 2) or values.size == 0:
         raise ValueError(
             f"image: expected shape (H, W) or (N,) with at least one pixel, got {values.shape}"
@@ -125,7 +127,7 @@ def shrink(
     >>> shrink([[[3.0]], [[4.0]]], 1.0, "anisotropic").ravel().tolist()
     [2.0, 3.0]
     """
-    values = np.array(planes, np.float64, order="C")
+    values = np.array(to_array("planes", planes), np.float64, order="C")
     if values.ndim not in (2, 3) or values.shape[0] != values.ndim - 1 or values.size == 0:
         raise ValueError(f"planes: expected shape (2, H, W) or (1, N), got {values.shape}")
     if np.isnan(values).any():
@@ -201,6 +203,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     return weight if problem.is_stack else weight[0]
 
 
+@underflows_to_0
 def _roughness(score: Array, information: Array, scale: Array) -> Array:
     """Return γ of each image, at least its uncertainty due to noise.
 
@@ -309,7 +312,7 @@ def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -
     >>> check_map("weight", 2, (4, 4)), check_map("weight", [[1.0, 3.0]], (1, 2)).tolist()
     (2.0, [1.0, 3.0])
     """
-    array = np.asarray(value)
+    array = to_array(name, value)
     if array.dtype.kind not in "iuf" or array.shape not in ((), shape) or array.size == 0:
         expected = f"a number, or an array of shape {shape}" if shape else "a number"
         received = repr(value) if array.ndim == 0 else f"{array.dtype} of shape {array.shape}"

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import check_threads
+from jotlight.checks import check_threads, to_array
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.values import flatten, number_or_map, numbers_from_zero
 
@@ -67,7 +67,7 @@ def anscombe(
     >>> anscombe([0, 8, 16], 16).round(2)
     array([0.61, 3.19, 5.77], dtype=float32)
     """
-    values = np.asarray(counts, np.float32)
+    values = np.asarray(to_array("counts", counts), np.float32)
     checked = number_or_map("trials", numbers_from_zero("trials", trials), values.shape)
     if values.size and not (values.min() >= 0 and _is_at_most(values, checked)):
         raise ValueError(
@@ -122,7 +122,7 @@ def inverse_anscombe(
     [0.0, 8.0, 16.0]
     """
     check_choice("inverse", inverse, INVERSES)
-    values = np.asarray(z, np.float32)
+    values = np.asarray(to_array("z", z), np.float32)
     if np.isnan(values).any():
         raise ValueError("z: expected numbers, got NaN")
     checked = number_or_map("trials", numbers_from_zero("trials", trials), values.shape)

@@ -47,7 +47,10 @@ class Score:
 class Evaluation:
     """The scores of one method on all images."""
 
-    scores: list[Score]
+    scores: Sequence[Score]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scores", tuple(self.scores))
 
     def values(self, metric: str) -> npt.NDArray[np.float64]:
         """Return "psnr", "snr", or "ssim" of each image, NaN where it is None."""
@@ -189,7 +192,7 @@ def evaluate(
     >>> evaluate(mle, np.full((2, 16, 16), 0.5), sensor).mean("psnr") > 10
     True
     """
-    if not isinstance(rng, int | np.integer):
+    if isinstance(rng, bool) or not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
     require_any_sensor(sensor)
     sensor = sensor.without_white_balance()  # the true images have none
@@ -252,4 +255,13 @@ def _list_images(
             f"images: expected a list of images, or an array {expected}, but shape {whole} looks "
             "like color; put one color image in a list, and pass channel_axis=-1"
         )
+    dimensions = 2 if channel_axis is None else 3
+    for index, image in enumerate(listed):
+        if image.ndim > dimensions:
+            each = "(H, W)" if channel_axis is None else "(H, W) and an axis of channels"
+            advice = "pass channel_axis=-1 for color, or " if channel_axis is None else ""
+            raise ValueError(
+                f"images: expected each image of shape {each}, got shape {image.shape} at index "
+                f"{index}; {advice}pass the images of a stack as items of the list"
+            )
     return listed

@@ -15,11 +15,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.arrays import read_only
+from jotlight.checks import refuse_masked
 from jotlight.errors import warn
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.parameter_names import nearest_names
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.frames import Frames
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Data, GrayImages, PreparedData
 from jotlight.sensing.readings import Readings
@@ -169,6 +172,7 @@ def run_own(
     except (TypeError, AttributeError) as error:
         error.add_note(_about(checked, name))
         raise
+    refuse_masked(f"the result of {name}", returned, "return array.filled(0) or another value")
     if result.dtype.kind not in "biuf":
         kind = "None; does it return its image?" if returned is None else str(result.dtype)
         raise TypeError(f"method: expected an image of numbers from {name}, got {kind}")
@@ -281,13 +285,23 @@ def arguments_of(
 def _prepare(
     data: Bits | Readings | Merged | npt.NDArray[np.int32], sensor: Sensor
 ) -> tuple[Data, tuple[int, ...]]:
-    """Return data after checking them, and the shape of the image that they show."""
-    if isinstance(data, Merged | np.ndarray):
+    """Return data after checking them, and the shape of the image that they show.
+
+    A function of the caller cannot change the data themselves, which other methods also receive.
+    """
+    if isinstance(data, Merged):
         return data, data.shape
+    if isinstance(data, np.ndarray):
+        return data.copy(), data.shape
     bit_depth = data.bit_depth if isinstance(data, Readings) else 1
     check_fits(data.shape, sensor, bit_depth=bit_depth)
     _, height, width, *channels = data.shape
     shape = height // sensor.oversampling, width // sensor.oversampling, *channels
     if isinstance(data, Readings):
-        return Readings(data.frames, sensor, data.provenance), shape
-    return data.replace(sensor=sensor), shape
+        return Readings(_unchangeable(data.frames), sensor, data.provenance), shape
+    return data.replace(packed=_unchangeable(data.packed), sensor=sensor), shape
+
+
+def _unchangeable(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
+    """Return frames in files, or a read-only view of an array."""
+    return frames if isinstance(frames, Frames) else read_only(frames)

@@ -1,7 +1,7 @@
 """The results of reading a file: frames of bits, or images of counts."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from jotlight.checks import Counts
 from jotlight.errors import counted, warn
 from jotlight.notebook import card, normalize
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.crop import OneFrame, Region, crop_frames, split_index
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks
@@ -181,13 +182,14 @@ class CountStack:
         except (TypeError, ValueError) as error:
             raise ValueError(f"{self.provenance.name}: {error}") from error
 
-    def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
+    def sum(self, progress: Progress = False) -> Counts:
         """Return the sum of all images, (H, W) or (H, W, C), in the memory of a few images.
 
         Parameters
         ----------
-        progress : callable, optional
-            A function that is called repeatedly with the completed fraction, from 0 to 1.
+        progress : bool or callable, optional
+            Whether to show a progress bar, or a function that is called repeatedly with the
+            completed fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
         Raises
         ------
@@ -196,17 +198,17 @@ class CountStack:
         """
         name = self.provenance.name
         total, bound = np.zeros(self.images.shape[1:], np.uint32), 0
-        for place, part in read_in_chunks(self.images):
-            self.check_range(part)
-            high = int(part.max())
-            for image in part:
-                # Neither of two values below 2**31 nor their sum exceeds the type.
-                np.add(total, image, out=total, dtype=np.uint32, casting="unsafe")
-                bound += high
-                if bound > _MAX_COUNT < total.max():
-                    raise ValueError(f"{name}: the sum of its counts is 2**31 or more")
-            if progress:
-                progress(place.stop / len(self.images))
+        with shown_progress(progress, "adding counts") as update:
+            for place, part in read_in_chunks(self.images):
+                self.check_range(part)
+                high = int(part.max())
+                for image in part:
+                    # Neither of two values below 2**31 nor their sum exceeds the type.
+                    np.add(total, image, out=total, dtype=np.uint32, casting="unsafe")
+                    bound += high
+                    if bound > _MAX_COUNT < total.max():
+                        raise ValueError(f"{name}: the sum of its counts is 2**31 or more")
+                update(place.stop / len(self.images))
         if total.any() and not any((row % 255).any() for row in total):
             warn(
                 f"{name}: all of its counts are multiples of 255, as in a black-and-white image "

@@ -1,7 +1,6 @@
 """Verification of a capture: all of its checksums are compared, and all of its frames are read."""
 
 import os
-from collections.abc import Callable
 from typing import Any
 
 from jotlight.argument_types import as_path
@@ -9,6 +8,7 @@ from jotlight.formats.capture import frames_of
 from jotlight.formats.detect import detect_format
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.frames import read_in_chunks
 
 
@@ -16,7 +16,7 @@ def verify_capture(
     path: str | os.PathLike[str],
     *,
     format: str | None = None,
-    progress: Callable[[float], object] = lambda fraction: None,
+    progress: Progress = False,
     **options: Any,
 ) -> str:
     """Return a sentence about the checksums of a capture, after reading all of its frames.
@@ -27,8 +27,9 @@ def verify_capture(
         A file, or a folder of files.
     format : str, optional
         Name of the format. Default: detected from the content.
-    progress : callable, optional
-        A function that is called repeatedly with the completed fraction, from 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
     **options
         Other options of :func:`jotlight.open`, such as `key`.
 
@@ -53,8 +54,9 @@ def verify_capture(
     checked = entry.verify(path) if entry is not None and entry.verify is not None else 0
     capture = open_capture(path, format=format, **options)
     frames = frames_of(capture)
-    for place, _ in read_in_chunks(frames):
-        progress(place.stop / len(frames))
+    with shown_progress(progress, "reading frames") as update:
+        for place, _ in read_in_chunks(frames):
+            update(place.stop / len(frames))
     if checked == 0:
         checksums = "there is no checksum apart from those inside the format"
     elif checked == 1:

@@ -60,12 +60,14 @@ def read_image(
     Returns
     -------
     ndarray of float32 or float64, shape (H, W) or (H, W, 3)
-        Intensities. Transparency is dropped, and the EXIF orientation is applied.
+        Intensities. Transparency is dropped, and the EXIF orientation is applied. The channels of a
+        `.npy` have no meaning, so all of them are returned, (H, W, C). So are other numbers of
+        channels of a TIFF, stacks of images in both, and floats that are not finite.
 
     Raises
     ------
     OSError, ValueError
-        If the file cannot be read, or its scale is unknown.
+        If the file cannot be read, holds no image, or its scale is unknown.
     MissingExtraError
         If `.exr` needs the package OpenEXR.
 
@@ -84,7 +86,7 @@ def read_image(
         advice = pattern_advice(path, "name one image")
         raise FileNotFoundError(f"there is no image file {path}{advice}")
     if path.suffix.lower() == ".npy":
-        array, scale = read_npy(path), None
+        array, scale = _as_photograph(path, read_npy(path)), None
     elif path.suffix.lower() in (".tif", ".tiff"):
         array, scale = read_tiff(path)
     elif path.suffix.lower() == ".exr":
@@ -114,6 +116,22 @@ def read_image(
     if array.dtype != np.float64:
         array = array.astype(np.float32)
     return np.asarray(array / np.asarray(scale, array.dtype))
+
+
+def _as_photograph(path: Path, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return an array of a `.npy` whose single channel, if it has one, is no axis.
+
+    Raises
+    ------
+    ValueError
+        When the array is no image.
+    """
+    if array.ndim < 2 or array.size == 0:
+        raise ValueError(
+            f"{path}: expected an image of shape (H, W) or (H, W, 3) with at least one pixel, got "
+            f"{array.shape}; numpy.load reads other arrays"
+        )
+    return array[..., 0] if array.shape[2:] == (1,) else array
 
 
 def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:

@@ -2,7 +2,6 @@
 
 import os
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from jotlight.formats.file_systems import explained, find_files, open_file_syste
 from jotlight.formats.locations import is_url
 from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image
+from jotlight.progress import Progress, check_progress, shown_progress
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import warn_about_scale
 
@@ -36,7 +36,7 @@ def read_image_set(
     white: float | None = None,
     first: int | None = None,
     max_intensity: float = 1.0,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = False,
 ) -> tuple[list[str], list[npt.NDArray[np.float32]]]:
     """Return the names and the gray images of a set, sorted by name.
 
@@ -56,8 +56,9 @@ def read_image_set(
     max_intensity : float
         Largest intensity of an estimate, S. Images that look like gray levels beside it are
         reported.
-    progress : callable, optional
-        Called with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
     Raises
     ------
@@ -66,6 +67,7 @@ def read_image_set(
         the message names it.
     """
     check_first(first)
+    check_progress(progress)
     if is_url(source):
         with tempfile.TemporaryDirectory() as folder:
             _fetch_images(str(source), Path(folder))
@@ -94,14 +96,14 @@ def read_image_set(
         advice = "" if inner is None else f"; folders inside are not read, so pass one: {inner}"
         raise ValueError(f"{source}: expected images ({', '.join(ENDINGS)}), found none{advice}")
     images = []
-    for number, path in enumerate(paths):
-        image = read_image(check_inside(path, source), white=white, gray=True)
-        if image.ndim != 2 or image.size == 0:
-            raise ValueError(f"{path}: expected a gray or RGB image, got shape {image.shape}")
-        images.append(np.ascontiguousarray(as_image(image, str(path)), np.float32))
-        warn_about_scale(str(path), images[-1:], max_intensity, is_file=True)
-        if progress:
-            progress((number + 1) / len(paths))
+    with shown_progress(progress, "reading images") as update:
+        for number, path in enumerate(paths):
+            image = read_image(check_inside(path, source), white=white, gray=True)
+            if image.ndim != 2 or image.size == 0:
+                raise ValueError(f"{path}: expected a gray or RGB image, got shape {image.shape}")
+            images.append(np.ascontiguousarray(as_image(image, str(path)), np.float32))
+            warn_about_scale(str(path), images[-1:], max_intensity, is_file=True)
+            update((number + 1) / len(paths))
     return [path.name for path in paths], images
 
 

@@ -1,7 +1,9 @@
 """An image of a film, and the counts of the parts of its window."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -75,6 +77,10 @@ class FilmImage:
         finer grid. It is computed when it is first read.
         """
         return self.count_nearest()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the values for `pickle`, with :attr:`nearest` in place of all frames."""
+        return {**vars(self), "count_nearest": functools.partial(tuple, self.nearest)}
 
     def displacement_from(self, time: float) -> npt.NDArray[np.float32] | None:
         """Return where an earlier image showed the points of this one, (2, H, W), in jots.

@@ -15,6 +15,7 @@ from jotlight.motion.equivalent import clip_probability, equivalent_sums
 from jotlight.motion.lights import Lights
 from jotlight.motion.scoring import Template
 from jotlight.motion.sums import Counts, Sums
+from jotlight.underflow import underflows_to_0
 
 Image = npt.NDArray[np.float32]
 
@@ -157,6 +158,7 @@ def _parts_of_light(
     ]
 
 
+@underflows_to_0
 def light_factor(
     probability: npt.NDArray[np.floating],
     trials: npt.NDArray[np.number],

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path, as_tensors_path
-from jotlight.checks import real_number, shown
+from jotlight.arrays import frozen
+from jotlight.checks import real_number, shown, to_array
 from jotlight.motion.figure import draw_change, draw_paths
 from jotlight.motion.labels import choose
 from jotlight.motion.reference_time import move_labels, move_nodes
@@ -93,6 +94,8 @@ class Motion:
     information: npt.NDArray[np.float32]
 
     def __post_init__(self) -> None:
+        for name in _TYPES:
+            object.__setattr__(self, name, frozen(to_array(name, getattr(self, name))))
         nodes, times = self.nodes, self.times
         if self.labels.ndim != 2 or self.labels.dtype != np.uint8 or self.labels.size == 0:
             raise ValueError(

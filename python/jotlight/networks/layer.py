@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.arrays import frozen
+from jotlight.checks import to_array
 from jotlight.kept import kept_property
 from jotlight.parameter_names import check_choice
 
@@ -191,15 +193,14 @@ class Layer:
 
 def _read_only_float32(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:
     """Return a read-only float32 copy, after checks of dtype, dimensions, and range."""
-    array = np.asarray(value)
+    array = to_array(name, value)
     if array.dtype.kind != "f" or array.ndim - dimensions not in (0, 1) or array.size == 0:
         raise ValueError(
             f"{name}: expected floats of {dimensions} dimensions, got {array.dtype} "
             f"of shape {array.shape}"
         )
     with np.errstate(over="ignore"):
-        array = np.array(array, np.float32, order="C")
+        array = frozen(array, np.float32)
     if not np.isfinite(array).all():
         raise ValueError(f"{name}: expected finite numbers in the range of float32")
-    array.flags.writeable = False
     return array

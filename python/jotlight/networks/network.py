@@ -27,6 +27,7 @@ from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
 from jotlight.networks.torch_hints import TorchHints
 from jotlight.parameter_names import takes_rng
+from jotlight.seeds import random_generator
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
@@ -149,7 +150,7 @@ class Network(EngineBacked, TorchHints):
         >>> Network.residual(Sensor(frames=16), rng=0).halo
         8
         """
-        layers = build_residual(find_architecture(architecture), sensor, np.random.default_rng(rng))
+        layers = build_residual(find_architecture(architecture), sensor, random_generator(rng))
         history = {"start": f"{architecture}, starts at the smoothed, inverted counts"}
         return cls(layers, sensor, history)
 
@@ -182,7 +183,7 @@ class Network(EngineBacked, TorchHints):
         >>> network.reconstruct([[3, 1], [0, 9]], Sensor(frames=9)).shape
         (2, 2)
         """
-        layers = build_conditional(architecture, np.random.default_rng(rng))
+        layers = build_conditional(architecture, random_generator(rng))
         history = {
             "start": f"{architecture}, conditional on K; starts at the smoothed, stabilized counts"
         }

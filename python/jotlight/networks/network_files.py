@@ -16,6 +16,7 @@ from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.layer import Layer
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
+from jotlight.underflow import underflows_to_0
 
 _FORMAT = "jotlight network"
 _VERSION = "3"
@@ -80,6 +81,7 @@ def write_network(
     write_tensors(path, tensors, metadata)
 
 
+@underflows_to_0
 def _compact(array: npt.NDArray[np.float32]) -> npt.NDArray[np.floating]:
     """Return an array in float16 if it holds the same numbers."""
     with np.errstate(over="ignore"):

@@ -16,6 +16,7 @@ from jotlight.networks.layer_checks import check_rotations
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.planes_layers import build_correction
 from jotlight.parameter_names import takes_rng
+from jotlight.seeds import random_generator
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -85,7 +86,7 @@ class PlanesNetwork(EngineBacked):
         rng : int, optional
             Seed of the filters. Default: a fresh one.
         """
-        layers = build_correction(architecture, cls.planes, cls.start, np.random.default_rng(rng))
+        layers = build_correction(architecture, cls.planes, cls.start, random_generator(rng))
         history = {"start": f"{architecture}, starts at {cls.estimate}"}
         return cls(layers, history, trials_range=trials_range or cls.usual_range)
 

@@ -11,6 +11,7 @@ In reading order:
   with one gain and one threshold;
 * ``mosaic`` with ``mosaic_text`` and ``mosaic_checks``: color filters;
 * ``bits``, ``frames``, and ``provenance``: packed bits in memory or in files, and their origin.
+  ``frame_sequence`` compares bits, and readings.
   ``sensor_like`` is what bits need of a sensor, ``counting`` counts their ones, ``lazy`` makes lazy
   arrays, ``crop`` takes some rows and columns by their ``slices``, and ``preview`` shows them;
 * ``merged``: counts whose pixels have different numbers of trials;
@@ -23,9 +24,9 @@ In reading order:
   ``description`` (sensors as texts);
 * ``periodic_rates`` with ``filter_hints``: a test for a mosaic that is not stated;
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
-* ``operators``, ``likelihood``, and ``problem``: the spread of light, the objective of
-  reconstruction, and its maximization. ``joint_likelihood`` is the objective for readings which
-  differ, a sum of one ``joint_term`` for each group, from ``reading_samples``.
+* ``operators`` with ``checked_maps``, ``likelihood``, and ``problem``: the spread of light, the
+  objective of reconstruction, and its maximization. ``joint_likelihood`` is the objective for
+  readings which differ, a sum of one ``joint_term`` for each group, from ``reading_samples``.
 """
 
 import lazy_loader

@@ -1,20 +1,21 @@
 """Bits of a single-photon camera, in packed form."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Self, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import whole_number
+from jotlight.checks import refuse_masked, whole_number
 from jotlight.chunks import windows
 from jotlight.errors import counted
+from jotlight.progress import Progress
 from jotlight.sensing import byte_levels, lazy, preview
-from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits, warn_about_axes, zeros_and_ones
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.counting import count_ones_of_one
 from jotlight.sensing.crop import OneFrame, Region, note_part, split_index
+from jotlight.sensing.frame_sequence import FrameSequence
 from jotlight.sensing.frames import (
     Frames,
     check_unpacked_size,
@@ -30,8 +31,10 @@ if TYPE_CHECKING:
     import dask.array
 
 
-class Bits(ArrayHints):
+class Bits(FrameSequence):
     """Bits of a single-photon camera, eight to a byte.
+
+    They are equal if their values and their sensors are, wherever they come from.
 
     Parameters
     ----------
@@ -70,6 +73,7 @@ class Bits(ArrayHints):
         *,
         tested_for_periods: bool = False,
     ) -> None:
+        refuse_masked("packed", packed)
         if not isinstance(packed, np.ndarray | Frames) or packed.dtype != np.uint8:
             kind = getattr(packed, "dtype", type(packed).__name__)
             raise TypeError(
@@ -201,12 +205,6 @@ class Bits(ArrayHints):
         check_unpacked_size(self.shape, dtype.itemsize)
         return self.to_array().astype(dtype, copy=False)
 
-    def __contains__(self, frame: object) -> bool:
-        """Return whether one of the frames equals an array (H, W) or (H, W, C)."""
-        if (shape := np.asarray(frame).shape) != self.shape[1:]:
-            raise ValueError(f"bits: expected a frame of shape {self.shape[1:]}, got {shape}")
-        return any(np.array_equal(each, frame) for each in self)  # type: ignore[arg-type]
-
     def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
         """Return an iterator over windows of `n` frames, which begin every `step` frames.
 
@@ -248,7 +246,7 @@ class Bits(ArrayHints):
         mask: npt.NDArray[np.bool_] | None = None,
         out: npt.NDArray[np.int32] | None = None,
         threads: int | None = None,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress = False,
     ) -> npt.NDArray[np.int32]:
         """Return L, the number of ones of each pixel, counted without unpacking the bits.
 
@@ -262,8 +260,9 @@ class Bits(ArrayHints):
             An array of the shape of the result to write to and return. Default: a new one.
         threads : int, optional
             The number of threads. Default: all.
-        progress : callable, optional
-            A function that is called repeatedly with the completed fraction, from 0 to 1.
+        progress : bool or callable, optional
+            Whether to show a progress bar, or a function that is called repeatedly with the
+            completed fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
         Returns
         -------

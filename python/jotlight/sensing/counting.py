@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import check_threads
+from jotlight.checks import check_threads, refuse_masked
 from jotlight.chunks import frame_chunks
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits_checks import checked_oversampling
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, Packed, map_in_thread, read_chunks
@@ -116,7 +117,7 @@ def count_ones_of_one(
     mask: npt.NDArray[np.bool_] | None,
     out: npt.NDArray[np.int32] | None,
     threads: int | None,
-    progress: Callable[[float], object] | None,
+    progress: Progress,
 ) -> npt.NDArray[np.int32]:
     """Return L of the bits of one image, in `out` if there is such an array.
 
@@ -132,9 +133,9 @@ def count_ones_of_one(
         shape = height // oversampling, width // oversampling, *channels
         checked = check_out(out, shape, np.int32)
         target = checked[None] if checked.flags.aligned else None
-    counts: npt.NDArray[np.int32] = count_ones(
-        [bits], oversampling, mask, threads, progress, target
-    )[0]
+    counts: npt.NDArray[np.int32]
+    with shown_progress(progress, "counting") as update:
+        [counts] = count_ones([bits], oversampling, mask, threads, update, target)
     if out is None or target is not None:
         return counts if out is None else out
     out[...] = counts
@@ -166,6 +167,7 @@ def check_mask(mask: npt.NDArray[np.bool_] | None, jots: tuple[int, ...]) -> Non
       ...
     ValueError: mask: expected bool of shape (2, 3), got int64 of shape (2, 3)
     """
+    refuse_masked("mask", mask, "pass mask.filled(True), where True marks dead jots")
     if mask is not None and (mask.dtype != np.bool_ or mask.shape != jots):
         raise ValueError(
             f"mask: expected bool of shape {jots}, got {mask.dtype} of shape {mask.shape}"

@@ -49,10 +49,9 @@ def _draw_parts(draw: Draw, out: npt.NDArray[np.uint8]) -> None:
     runs = draw.runs(max(1, _MAX_JOTS // jots))
     for index, (sensor, window, place) in enumerate(runs):
         drawn = np.empty((*out.shape[:2], len(window.frames), *out.shape[3:]), np.uint8)
-        _draw_part(draw, sensor, window, drawn, None)
+        _draw_part(draw, sensor, window, drawn, lambda fraction: None)
         out[:, :, place] |= drawn
-        if draw.progress:
-            draw.progress((index + 1) / len(runs))
+        draw.progress((index + 1) / len(runs))
 
 
 def _draw_part(
@@ -60,7 +59,7 @@ def _draw_part(
     sensor: EngineSensor,
     window: Window,
     out: npt.NDArray[np.uint8],
-    progress: Callable[[float], object] | None,
+    progress: Callable[[float], object],
 ) -> None:
     """Draw the packed bits of a part in a window. The images of `out` may be strided."""
     pieces, channels = list(window.parts(draw.oversampling, len(draw.seeds))), draw.images.shape[1]
@@ -69,5 +68,4 @@ def _draw_part(
         for index, (piece, place) in enumerate(pieces):
             target = out[:, channel, *place]
             engine.expose(sensor, images, streams, *piece.bounds(), target, draw.threads)
-            if progress:
-                progress((channel + (index + 1) / len(pieces)) / channels)
+            progress((channel + (index + 1) / len(pieces)) / channels)

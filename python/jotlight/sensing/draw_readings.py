@@ -9,6 +9,7 @@ import jotlight._engine as engine
 from jotlight.checks import check_threads
 from jotlight.sensing.draws import Draw
 from jotlight.sensing.simulate import EngineSensor, Window
+from jotlight.underflow import underflows_to_0
 
 
 def draw_readings(draw: Draw) -> list[npt.NDArray[np.uint16]]:
@@ -27,8 +28,7 @@ def draw_readings(draw: Draw) -> list[npt.NDArray[np.uint16]]:
         _draw_part(draw, sensor, own, target)
         if shared:
             place += target
-        if draw.progress:
-            draw.progress((index + 1) / len(runs))
+        draw.progress((index + 1) / len(runs))
     readings = list(np.moveaxis(out, 1, -1) if draw.is_color else out[:, 0])
     return [np.ascontiguousarray(each) for each in readings]
 
@@ -53,6 +53,7 @@ def _draw_part(
             )
 
 
+@underflows_to_0
 def noisy_probability(
     sensor: EngineSensor,
     image: npt.NDArray[Any],

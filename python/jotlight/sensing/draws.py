@@ -29,7 +29,7 @@ class Draw:
     """The frames, rows, and columns that are drawn."""
     threads: int | None
     """The number of threads. Default: all."""
-    progress: Callable[[float], object] | None
+    progress: Callable[[float], object]
     """A function that receives the completed fraction."""
 
     @property

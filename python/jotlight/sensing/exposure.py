@@ -1,6 +1,5 @@
 """Simulation of a sensor: rates, probabilities, and random readings of an image."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.parameter_names import takes_rng
+from jotlight.progress import Progress, shown_progress
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.draw_bits import draw_bits
@@ -124,7 +124,7 @@ class Exposure(Parameters):
         frames: slice | None = None,
         out: npt.NDArray[np.uint8] | None = None,
         threads: int | None = None,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress = False,
     ) -> Bits:
         """Return random bits of an image, or a list of those of each image of a stack.
 
@@ -150,8 +150,9 @@ class Exposure(Parameters):
             Readings of several bits, and bits with read noise, take none.
         threads : int, optional
             The number of threads. Default: all.
-        progress : callable, optional
-            A function that is called repeatedly with the completed fraction, from 0 to 1.
+        progress : bool or callable, optional
+            Whether to show a progress bar, or a function that is called repeatedly with the
+            completed fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
         Returns
         -------
@@ -194,8 +195,9 @@ class Exposure(Parameters):
                 f"sensor has {self.bit_depth} bits and read noise {self.read_noise:g}; leave it out"
             )
         seed = seed_bytes(rng)
-        draw = Draw(self.engine_parts(), pixels, layout, seed, window, threads, progress)
-        drawn: Any = draw_bits(draw, out) if is_plain else draw_readings(draw)
+        with shown_progress(progress, "drawing") as update:
+            draw = Draw(self.engine_parts(), pixels, layout, seed, window, threads, update)
+            drawn: Any = draw_bits(draw, out) if is_plain else draw_readings(draw)
         if self.bit_depth > 1:
             several: Any = [Readings(each, sensor) for each in drawn]
         else:

@@ -36,6 +36,7 @@ from jotlight.sensing.reading_samples import Sample, require_readings, sample_re
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
+from jotlight.underflow import underflows_to_0
 
 Counts = npt.NDArray[np.int32]
 
@@ -84,6 +85,7 @@ class JointLikelihood:
         values = self._intensity(intensity)
         return sum(term.cells.value(term.spread(values)) for term in self.terms)
 
+    @underflows_to_0
     def gradient_and_curvature(self, intensity: npt.ArrayLike) -> tuple[Array, Array]:
         """Return the first derivative and minus the second one, about the intensity of each pixel.
 

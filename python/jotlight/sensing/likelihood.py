@@ -8,11 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import (
-    check_threads,
-    refuse_masked,
-    whole_number_in_range,
-)
+from jotlight.arrays import frozen
+from jotlight.checks import check_threads, to_array, type_of, whole_number_in_range
 from jotlight.sensing.response import Array
 from jotlight.sensing.stacks import select
 from jotlight.sensing.values import (
@@ -78,20 +75,17 @@ class Likelihood:
         dark_counts: float | npt.ArrayLike = 0.0,
         threads: int | None = None,
     ) -> None:
-        self.ones = numbers_of_ones(ones)
+        self.ones = frozen(numbers_of_ones(ones))
         self.shape = self.ones.shape
         if self.ones.size == 0:
             raise ValueError(f"ones: expected at least one cell, got shape {self.shape}")
-        self.trials = checked_trials(trials, self.ones)
+        self.trials = _frozen(checked_trials(trials, self.ones))
         dark = numbers_from_zero("dark_counts", dark_counts)
-        self.dark_counts = number_or_map("dark_counts", dark, self.shape)
-        refuse_masked("efficiency", efficiency)
-        fraction = np.asarray(efficiency)
+        self.dark_counts = _frozen(number_or_map("dark_counts", dark, self.shape))
+        fraction = to_array("efficiency", efficiency)
         if fraction.dtype.kind not in "iuf" or not ((fraction > 0) & (fraction <= 1)).all():
             raise ValueError(f"efficiency: expected numbers in (0, 1], got {efficiency!r}")
-        self.efficiency = number_or_map(
-            "efficiency", np.require(fraction, np.float64, ["C", "ALIGNED"]), self.shape
-        )
+        self.efficiency = _frozen(number_or_map("efficiency", as_doubles(fraction), self.shape))
         self.threshold = whole_number_in_range("threshold", threshold, 1, 65535)
         check_threads(threads)
         self._threads = threads
@@ -105,6 +99,7 @@ class Likelihood:
         """Return ℓ(s) in nats, summed over all cells.
 
         `light` is a number or an array of the cells' shape, 0 or more, here and in other methods.
+        Others raise TypeError or ValueError.
         """
         flat = self._light(light).reshape(1, -1)
         return engine.log_likelihood(self.engine_argument(), flat, self._threads)[0]
@@ -112,11 +107,18 @@ class Likelihood:
     def values(self, light: npt.ArrayLike) -> Array:
         """Return ℓ(s) of each image of a stack, (N,), whose cells have the shape (N, ...).
 
+        Raises
+        ------
+        ValueError
+            When there is a single cell.
+
         Examples
         --------
         >>> Likelihood([[1, 0], [2, 2]], trials=4).values(0.1).round(3).tolist()
         [-3.052, -9.809]
         """
+        if not self.shape:
+            raise ValueError("ones: expected cells of a stack, (N, ...), got a single cell")
         each = self._light(light).reshape(self.shape[0], -1)
         return np.array(engine.log_likelihood(self.engine_argument(), each, self._threads))
 
@@ -243,15 +245,14 @@ class Likelihood:
         return array
 
     def _broadcast(self, name: str, values: npt.ArrayLike) -> Array:
-        if isinstance(values, np.ndarray) and values.shape == self.shape:
-            return as_doubles(values)
-        try:
-            array = np.broadcast_to(np.asarray(values, np.float64), self.shape)
-        except ValueError:
+        array = to_array(name, values)
+        if array.dtype.kind not in "iuf":
+            raise TypeError(f"{name}: expected real numbers, got {type_of(values, array)}")
+        if array.shape not in ((), self.shape):
             raise ValueError(
-                f"{name}: expected shape {self.shape}, got {np.shape(values)}"
-            ) from None
-        return as_doubles(array)
+                f"{name}: expected a number, or an array of shape {self.shape}, got {array.shape}"
+            )
+        return as_doubles(np.broadcast_to(array, self.shape))
 
     def engine_argument(self) -> tuple[int, Any, Any, Any, Any]:
         """Return (q, L, n, η, d), as the engine expects them."""
@@ -262,3 +263,8 @@ class Likelihood:
             flatten(self.efficiency),
             flatten(self.dark_counts),
         )
+
+
+def _frozen(value: float | Array) -> float | Array:
+    """Return a number, or a map that the caller cannot change."""
+    return frozen(value) if isinstance(value, np.ndarray) else value

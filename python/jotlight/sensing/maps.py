@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.arrays import frozen
 from jotlight.checks import number_in_range, real_number, to_array
 from jotlight.errors import percent_advice
 
@@ -77,7 +78,7 @@ def _range_of(values: npt.NDArray[Any]) -> str:
 
 
 def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
-    dark = np.asarray(dark_counts)
+    dark = to_array("dark_counts", dark_counts)
     if dark.dtype.kind not in "iuf" or dark.ndim not in (0, 2):
         raise ValueError(
             "dark_counts: expected a number, or a map of numbers with one per jot, "
@@ -91,7 +92,7 @@ def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.f
         raise ValueError(
             f"dark_counts: expected numbers from 0 to {LIMITS[1]:g}, got {_range_of(dark)}"
         )
-    return float(dark) if dark.ndim == 0 else _read_only_copy(dark, np.float32)
+    return float(dark) if dark.ndim == 0 else frozen(dark, np.float32)
 
 
 def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
@@ -111,7 +112,7 @@ def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.flo
             "divide efficiencies relative to the mean by their maximum, and multiply gain by it; "
             "mark jots that detect nothing in the mask"
         )
-    return _read_only_copy(values, np.float32)
+    return frozen(values, np.float32)
 
 
 def _checked_mask(mask: npt.ArrayLike | None) -> npt.NDArray[np.bool_] | None:
@@ -123,7 +124,7 @@ def _checked_mask(mask: npt.ArrayLike | None) -> npt.NDArray[np.bool_] | None:
             "mask: expected a 2-D array of bool with True for a dead jot, "
             f"got {array.dtype} of {array.ndim} dimensions"
         )
-    return _read_only_copy(array, np.bool_)
+    return frozen(array, np.bool_)
 
 
 def checked_threshold_map(values: npt.NDArray[Any]) -> int | npt.NDArray[np.uint16]:
@@ -151,7 +152,7 @@ def checked_threshold_map(values: npt.NDArray[Any]) -> int | npt.NDArray[np.uint
             f"got {got}; mark jots that never report 1 in the mask"
         )
     low = int(values.min())
-    return low if low == values.max() else _read_only_copy(values, np.uint16)
+    return low if low == values.max() else frozen(values, np.uint16)
 
 
 def pixel_means(
@@ -203,13 +204,6 @@ def mean_dark_counts(
         return mean, differs
     zeros = pixel_means(np.exp(-np.asarray(value, np.float64)), mask, oversampling)[0]
     return -np.log(np.maximum(zeros, np.finfo(np.float64).tiny)), differs
-
-
-def _read_only_copy(array: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """Return a read-only copy, so that the maps of a sensor never change."""
-    copy = np.array(array, dtype=dtype, order="C")
-    copy.flags.writeable = False
-    return copy
 
 
 def stack_maps(values: list[Any], size: tuple[int, ...]) -> Any:

@@ -7,7 +7,8 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, positive_number, refuse_masked, whole_number_in_range
+from jotlight.arrays import frozen
+from jotlight.checks import as_counts, positive_number, to_array, whole_number_in_range
 from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
@@ -91,7 +92,7 @@ class Merged:
         if not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
         require_plain_bits(self.sensor)
-        whole_number_in_range("upsample", self.upsample, 1, 2)
+        upsample = whole_number_in_range("upsample", self.upsample, 1, 2)
         if self.light_share is not None:
             positive_number("light_share", self.light_share)
         ones = as_counts(self.ones)
@@ -109,6 +110,7 @@ class Merged:
         checked = {
             "ones": ones,
             "trials": trials,
+            "upsample": upsample,
             "channel_axis": None if self.channel_axis is None else -1,
             "dark_counts": self._jot_parameter("dark_counts", ones.shape[:2]),
             "efficiency": self._jot_parameter("efficiency", ones.shape[:2]),
@@ -125,7 +127,9 @@ class Merged:
                 f"{efficiency.min()} to {efficiency.max()}"
             )
         for name, value in checked.items():
-            object.__setattr__(self, name, value)
+            # The caller may change an array that the check above does not copy.
+            own = frozen(value) if isinstance(value, np.ndarray) else value
+            object.__setattr__(self, name, own)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -217,8 +221,7 @@ def _checked_map(
 ) -> npt.NDArray[np.float32] | None:
     if values is None:
         return None
-    refuse_masked(name, values)
-    array = np.asarray(values)
+    array = to_array(name, values)
     _check_shape(name, array, shape)
     if array.dtype.kind not in "iuf" or not ((array >= 0) & (array <= maximum)).all():
         limit = "1" if maximum == 1 else "infinity"
@@ -231,7 +234,7 @@ def _checked_flags(
 ) -> npt.NDArray[np.bool_] | None:
     if flags is None:
         return None
-    array = np.asarray(flags)
+    array = to_array("flags", flags)
     _check_shape("flags", array, shape)
     if array.dtype != np.bool_:
         raise TypeError(f"flags: expected an array of bool, got {array.dtype}")

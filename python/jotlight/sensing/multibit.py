@@ -10,8 +10,10 @@ import jotlight._engine as engine
 from jotlight.kept import kept_property
 from jotlight.sensing.response import Array, JotResponse
 from jotlight.sensing.values import as_doubles, flatten
+from jotlight.underflow import underflows_to_0
 
 
+@underflows_to_0
 def reading_probability(
     reading: npt.ArrayLike,
     rate: npt.ArrayLike,

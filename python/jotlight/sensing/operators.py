@@ -6,21 +6,18 @@ together. Use it to test your own operators.
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from operator import index
+from functools import partial
+from typing import Any, ClassVar, Self, SupportsIndex
 
 import numpy as np
-import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import check_threads, positive_number, shown, whole_number_in_range
+from jotlight.checks import check_threads, positive_number, whole_number_in_range
 from jotlight.parameter_names import check_choice, takes_rng
-from jotlight.seeds import SeedLike
+from jotlight.seeds import SeedLike, random_generator
+from jotlight.sensing.checked_maps import CheckedMap, LinearMap, array_of_shape, checked_shape
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import KERNELS
-from jotlight.sensing.values import as_doubles
-
-LinearMap = Callable[[Array], Array]
-"""A linear function of an array."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,14 +54,22 @@ class Operator:
     input_shape: tuple[int, ...]
     output_shape: tuple[int, ...]
     takes_stacks: bool = dataclasses.field(default=False, kw_only=True)
+    _make: ClassVar[Any] = None
 
     def __post_init__(self) -> None:
         shapes = self.input_shape, self.output_shape
         for name, (before, after) in (("forward", shapes), ("adjoint", shapes[::-1])):
-            function = getattr(self, name)
-            if not self.takes_stacks:
-                function = _apply_to_each(function, len(before))
-            object.__setattr__(self, name, _checked_output(tuple(after), name, function))
+            dimensions = None if self.takes_stacks else len(before)
+            checked = CheckedMap(name, getattr(self, name), dimensions, tuple(after))
+            object.__setattr__(self, name, checked)
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        return super().__reduce_ex__(protocol) if self._make is None else (self._make, ())
+
+    def _made_by(self, make: Callable[[], "Operator"]) -> Self:
+        """Return the operator itself, which `pickle` makes again with a function."""
+        object.__setattr__(self, "_make", make)
+        return self
 
     def normal(self, weights: Array, image: Array) -> Array:
         """Return Gᵀ diag(`weights`) G `image`."""
@@ -108,9 +113,10 @@ def scaling(shape: Sequence[int], factor: float) -> Scaling:
     shape = tuple(shape)
 
     def multiply(array: Array) -> Array:
-        return factor * _array_of_shape("array", array, shape)
+        return factor * array_of_shape("array", array, shape)
 
-    return Scaling(multiply, multiply, shape, shape, factor, takes_stacks=True)
+    operator = Scaling(multiply, multiply, shape, shape, factor, takes_stacks=True)
+    return operator._made_by(partial(scaling, shape, factor))
 
 
 def spread(
@@ -159,7 +165,7 @@ def spread(
     >>> check_adjoint(line) < 1e-12
     True
     """
-    shape = _checked_shape(shape)
+    shape = checked_shape(shape)
     oversampling = whole_number_in_range("oversampling", oversampling, 1, 4096)
     check_choice("kernel", kernel, KERNELS)
     gain = positive_number("gain", gain)
@@ -173,31 +179,33 @@ def spread(
     description = (vertical, horizontal, gain)
 
     def forward(image: Array) -> Array:
-        image = _array_of_shape("image", image, shape)
+        image = array_of_shape("image", image, shape)
         stack = image.reshape(-1, *pixels)
         out = np.empty((len(stack), *jots))
         engine.spread_forward(description, stack, out, threads)
         return out.reshape(*image.shape[: -len(shape)], *output_shape)
 
     def adjoint(light: Array) -> Array:
-        light = _array_of_shape("jots", light, output_shape)
+        light = array_of_shape("jots", light, output_shape)
         stack = light.reshape(-1, *jots)
         out = np.empty((len(stack), *pixels))
         engine.spread_adjoint(description, stack, out, threads)
         return out.reshape(*light.shape[: -len(shape)], *shape)
 
     def normal(weights: Array, image: Array) -> Array:
-        image = _array_of_shape("image", image, shape)
-        weights = _array_of_shape("weights", weights, output_shape).reshape(-1, *jots)
+        image = array_of_shape("image", image, shape)
+        weights = array_of_shape("weights", weights, output_shape).reshape(-1, *jots)
         stack = image.reshape(-1, *pixels)
         out = np.empty(stack.shape)
         weights = np.broadcast_to(weights, (len(stack), *jots))
         engine.spread_normal(description, weights, stack, out, threads)
         return out.reshape(image.shape)
 
-    return Spread(
+    operator = Spread(
         forward, adjoint, shape, output_shape, oversampling, kernel, gain, normal, takes_stacks=True
     )
+    make = partial(spread, shape, oversampling, kernel, gain=gain, threads=threads)
+    return operator._made_by(make)
 
 
 def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator:
@@ -221,13 +229,13 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
     >>> differences((3,)).forward(np.array([1.0, 4.0, 2.0])).tolist()
     [[3.0, -2.0, 0.0]]
     """
-    shape = _checked_shape(shape)
+    shape = checked_shape(shape)
     check_threads(threads)
     pixels = shape if len(shape) == 2 else (1, *shape)
     output_shape = (len(shape), *shape)
 
     def forward(image: Array) -> Array:
-        image = _array_of_shape("image", image, shape)
+        image = array_of_shape("image", image, shape)
         stack = image.reshape(-1, *pixels)
         out = np.empty((len(stack), 2, *pixels))
         engine.differences(stack, out, threads)
@@ -235,7 +243,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
         return directions.reshape(*image.shape[: -len(shape)], *output_shape)
 
     def adjoint(planes: Array) -> Array:
-        planes = _array_of_shape("differences", planes, output_shape)
+        planes = array_of_shape("differences", planes, output_shape)
         stack = planes.reshape(-1, len(shape), *pixels)
         if len(shape) == 1:
             stack = np.concatenate([np.zeros_like(stack), stack], axis=1)
@@ -243,7 +251,8 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
         engine.differences_adjoint(stack, out, threads)
         return out.reshape(*planes.shape[: -len(output_shape)], *shape)
 
-    return Operator(forward, adjoint, shape, output_shape, takes_stacks=True)
+    operator = Operator(forward, adjoint, shape, output_shape, takes_stacks=True)
+    return operator._made_by(partial(differences, shape, threads=threads))
 
 
 @takes_rng
@@ -280,7 +289,7 @@ def check_adjoint(
     """
     if draws < 1:
         raise ValueError(f"draws: expected 1 or more, got {draws}")
-    random = np.random.default_rng(rng)
+    random = random_generator(rng)
     worst = 0.0
     for _ in range(draws):
         x = random.standard_normal(operator.input_shape)
@@ -304,45 +313,5 @@ def check_adjoint(
     return worst
 
 
-def _checked_shape(shape: Sequence[int]) -> tuple[int, ...]:
-    try:
-        sizes = tuple(index(size) for size in shape)
-    except TypeError:
-        raise TypeError(
-            f"shape: expected (H, W) or (N,) in whole numbers, got {shown(shape)}; pass image.shape"
-        ) from None
-    if len(sizes) not in (1, 2) or min(sizes) < 1:
-        raise ValueError(f"shape: expected (H, W) or (N,), without a dimension of 0, got {sizes}")
-    return sizes
-
-
-def _apply_to_each(function: LinearMap, dimensions: int) -> LinearMap:
-    """Return a function that applies `function` to an array, or to each array of a stack."""
-
-    def apply(array: Array) -> Array:
-        if np.ndim(array) != dimensions + 1:
-            return function(array)
-        return np.stack([function(each) for each in array])
-
-    return apply
-
-
-def _checked_output(shape: tuple[int, ...], name: str, function: LinearMap) -> LinearMap:
-    """Return the function with a check of the shape of its output."""
-
-    def checked(array: Array) -> Array:
-        return _array_of_shape(f"the output of {name}", function(array), shape)
-
-    return checked
-
-
 def _norm(array: Array) -> float:
     return float(np.linalg.norm(array.ravel()))
-
-
-def _array_of_shape(name: str, array: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return an array of the given shape, or a stack with one more axis, in C order."""
-    values = as_doubles(array)
-    if shape not in (values.shape, values.shape[1:]):
-        raise ValueError(f"{name}: expected shape {shape}, got {values.shape}")
-    return values

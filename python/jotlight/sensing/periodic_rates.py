@@ -11,6 +11,7 @@ import numpy.typing as npt
 from jotlight.checks import Counts, as_counts
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.layout import image_channels
+from jotlight.progress import Progress, check_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.filter_hints import (
     alternating,
@@ -148,7 +149,7 @@ def find_periodic_rates(
     *,
     channel_axis: int | None = None,
     threads: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = False,
 ) -> PeriodicRates | None:
     """Return the period with which the rates of jots repeat, or None.
 
@@ -166,8 +167,9 @@ def find_periodic_rates(
         Axis of counts that holds color channels. Default: none.
     threads : int, optional
         Number of threads. Default: all.
-    progress : callable, optional
-        Called repeatedly with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
     Returns
     -------
@@ -198,6 +200,7 @@ def find_periodic_rates(
     >>> find_periodic_rates(Bits.from_array(noise < 0.2)) is None
     True
     """
+    check_progress(progress)
     if isinstance(data, Bits | Readings):
         if len(data.shape) > 3:
             return None

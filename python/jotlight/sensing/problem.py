@@ -69,7 +69,8 @@ class Problem:
         axes = tuple(range(int(self.is_stack), trials.ndim))
         if not trials.max(axis=axes).all():
             raise ValueError("trials: expected at least one cell with a bit, got none")
-        positive_number("max_intensity", self.max_intensity)
+        largest = positive_number("max_intensity", self.max_intensity)
+        object.__setattr__(self, "max_intensity", largest)
 
     @property
     def is_stack(self) -> bool:

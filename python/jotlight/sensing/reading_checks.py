@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.arrays import frozen
 from jotlight.checks import number_in_range, shown, to_array, whole_number_in_range
 from jotlight.errors import counted, warn
 from jotlight.sensing.maps import LIMITS, MAX_THRESHOLD, checked_threshold_map
@@ -52,7 +53,7 @@ def checked_gain(gain: npt.ArrayLike, frames: int) -> Gain:
             f"gain: expected a number from {LIMITS[0]:g} to {LIMITS[1]:g} for each frame, got "
             f"{low:g} to {high:g}"
         )
-    return float(low * frames) if low == high else _read_only(values)
+    return float(low * frames) if low == high else frozen(values)
 
 
 def checked_threshold(threshold: npt.ArrayLike, frames: int) -> Threshold:
@@ -81,7 +82,7 @@ def checked_threshold(threshold: npt.ArrayLike, frames: int) -> Threshold:
         raise ValueError(
             f"threshold: expected whole numbers from 1 to {MAX_THRESHOLD}, got {low:g} to {high:g}"
         )
-    return int(low) if low == high else _read_only(values.astype(np.int64))
+    return int(low) if low == high else frozen(values.astype(np.int64))
 
 
 def checked_response(bit_depth: object, read_noise: object, threshold: Threshold) -> dict[str, Any]:
@@ -133,9 +134,3 @@ def _check_frames(name: str, values: npt.NDArray[Any], frames: int, number: str)
             f"{counted(frames, 'frame')}{some}, got {values.dtype} of shape {values.shape}; state "
             f"the number of frames too, as in Sensor(frames={max(values.shape[0], 2)}, {name}=[…])"
         )
-
-
-def _read_only(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    copy = np.array(values)
-    copy.flags.writeable = False
-    return copy

@@ -1,6 +1,6 @@
 """Readings of several bits, which state how many photons each jot has seen."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
@@ -10,11 +10,12 @@ from jotlight.checks import refuse_masked, to_array
 from jotlight.chunks import windows
 from jotlight.errors import counted
 from jotlight.notebook import card, normalize
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing import preview
-from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits, checked_oversampling, refuse_many_channels
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.crop import OneFrame, Region, crop_frames, note_part, split_index
+from jotlight.sensing.frame_sequence import FrameSequence
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
@@ -24,8 +25,10 @@ _SHOWN = 64
 """Number of frames of which a preview shows the mean."""
 
 
-class Readings(ArrayHints):
+class Readings(FrameSequence):
     """Readings of several bits: numbers from 0 to 2^b - 1, one for each jot and frame.
+
+    They are equal if their values and their sensors are, wherever they come from.
 
     Parameters
     ----------
@@ -184,29 +187,42 @@ class Readings(ArrayHints):
         return np.array(self.to_array(), dtype, copy=copy)
 
     def sum(
-        self, oversampling: int = 1, *, progress: Callable[[float], object] | None = None
+        self,
+        axis: int | tuple[int, ...] | None = 0,
+        *,
+        oversampling: int = 1,
+        progress: Progress = False,
+        **options: Any,
     ) -> npt.NDArray[np.int64]:
         """Return the sum of all frames, (H, W) or (H, W, C), in the memory of a few frames.
 
         Parameters
         ----------
+        axis : int, tuple of int, or None
+            The axes that are added, as in NumPy. All but 0, the frames, need an array of all
+            readings, and so do the other options of ``numpy.sum``.
         oversampling : int
             K̂: the readings of each K̂ x K̂ jots are added. Default: each jot has its own sum.
-        progress : callable, optional
-            A function that is called repeatedly with the completed fraction, from 0 to 1.
+        progress : bool or callable, optional
+            Whether to show a progress bar, or a function that is called repeatedly with the
+            completed fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
         Raises
         ------
         TypeError, ValueError
             When K̂ is not a whole number that divides height and width.
         """
+        if axis not in (0, (0,)) or any(value is not None for value in options.values()):
+            if oversampling != 1:
+                raise ValueError("oversampling: needs axis 0 and no options, to add whole frames")
+            return np.asarray(self.to_array().sum(axis, **options))
         height, width, *channels = self.shape[1:]
         side = checked_oversampling(oversampling, (height, width), "readings")
         total = np.zeros(self.shape[1:], np.int64)
-        for place, _ in read_in_chunks(self.frames):
-            total += self.read(place.start, place.stop).sum(axis=0, dtype=np.int64)
-            if progress:
-                progress(place.stop / len(self))
+        with shown_progress(progress, "adding readings") as update:
+            for place, _ in read_in_chunks(self.frames):
+                total += self.read(place.start, place.stop).sum(axis=0, dtype=np.int64)
+                update(place.stop / len(self))
         pixels = total.reshape(height // side, side, width // side, side, *channels)
         return np.asarray(pixels.sum(axis=(1, 3)))
 

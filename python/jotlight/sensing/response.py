@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.interrupts import interruptible
+from jotlight.underflow import underflows_to_0
 
 Array = npt.NDArray[np.float64]
 """Numbers in double precision."""
@@ -72,6 +73,7 @@ def detection_probability(threshold: int, rate: npt.ArrayLike) -> Array:
     )
 
 
+@underflows_to_0
 def silence_probability(threshold: int, rate: npt.ArrayLike) -> Array:
     """Return 1 - P(q, s), the probability that a jot at rate s reports 0, with all digits.
 
@@ -88,6 +90,7 @@ def silence_probability(threshold: int, rate: npt.ArrayLike) -> Array:
     return np.asarray(interruptible(gammaincc)(threshold, s))
 
 
+@underflows_to_0
 def detection_density(threshold: int, rate: npt.ArrayLike) -> Array:
     """Return ∂P/∂s = s^(q - 1) exp(-s) / (q - 1)!.
 

@@ -198,7 +198,8 @@ class Sensor(Exposure):
     def replace(self, **changes: Any) -> Self:
         """Return a sensor with some parameters changed. Unless `gain` is changed, α/K is kept.
 
-        For example, ``sensor.replace(frames=16)`` records 16 frames, each as bright as before.
+        For example, ``sensor.replace(frames=16)`` records 16 frames, each as bright as before, as
+        does ``copy.replace`` of Python 3.13. ``dataclasses.replace`` keeps α in place of α/K.
 
         Examples
         --------
@@ -215,6 +216,10 @@ class Sensor(Exposure):
             gain = self.light_per_intensity * new.trials
             object.__setattr__(new, "gain", number_in_range("gain", gain, *LIMITS))
         return new
+
+    def __replace__(self, **changes: Any) -> Self:
+        """Return :meth:`replace`, for ``copy.replace`` of Python 3.13."""
+        return self.replace(**changes)
 
     def without_white_balance(self) -> Self:
         """Return the sensor whose estimates are intensities, in the units of the scene.

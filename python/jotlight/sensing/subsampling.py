@@ -3,6 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.seeds import random_generator
+
 _MAX_PART = 10**9
 """NumPy draws from fewer ones and fewer zeros than this."""
 
@@ -46,7 +48,7 @@ def subsample_counts(
     ones = np.asarray(ones, np.int64)
     zeros = np.asarray(trials, np.int64) - ones
     ones, zeros, number = np.broadcast_arrays(ones, zeros, np.asarray(subset, np.int64))
-    return _draw(ones, zeros, number, np.random.default_rng(rng))
+    return _draw(ones, zeros, number, random_generator(rng))
 
 
 def _draw(

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import MAX_SHOWN, refuse_masked, shown, to_array, whole_numbers
+from jotlight.checks import MAX_SHOWN, shown, to_array, whole_numbers
 from jotlight.sensing.readings import Readings
 
 
@@ -53,7 +53,6 @@ def numbers_from_zero(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float6
     >>> numbers_from_zero("trials", [2, 0.5]).tolist()
     [2.0, 0.5]
     """
-    refuse_masked(name, values)
     array = to_array(name, values)
     if array.dtype.kind not in "iuf" or not (np.isfinite(array) & (array >= 0)).all():
         raise ValueError(f"{name}: expected finite numbers, 0 or more, got {_outside(values)}")

@@ -149,7 +149,7 @@ def fine_tune(
     chosen_device = choose_device(device)
     steps = whole_number("steps", steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
-    positive_number("learning_rate", learning_rate)
+    learning_rate = positive_number("learning_rate", learning_rate)
     side = _patch_side(channels, patch)
     with (
         process_group(chosen_device) as group,

@@ -154,7 +154,7 @@ class Sensing(nn.Module):
         ------
         ValueError
             For counts of a sensor whose jots receive different light: their likelihood takes bits.
-            For data whose shape is not that of an output of the layer.
+            For data whose shape or range is not that of an output of the layer.
         """
         per_jot = self.output == "bits"
         if not (per_jot or self._has_uniform_pixels):
@@ -170,6 +170,12 @@ class Sensing(nn.Module):
             raise ValueError(
                 f"data: expected {self.output} of shape {expected}, as the layer returns for these "
                 f"intensities, got {tuple(data.shape)}{shape_advice('data', data)}"
+            )
+        highest = 1 if per_jot else self.sensor.trials
+        if not bool(((data >= 0) & (data <= highest)).all()):
+            raise ValueError(
+                f"data: expected {self.output} from 0 to {highest}, got {data.min()} to "
+                f"{data.max()}"
             )
         ones, trials = data.to(rate.dtype), self.sensor.trials
         if per_jot:

@@ -190,7 +190,7 @@ def train(
     chosen_device = choose_device(device)
     steps = whole_number("steps", STEPS if steps is None else steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
-    positive_number("learning_rate", learning_rate)
+    learning_rate = positive_number("learning_rate", learning_rate)
     filter_dtype = filter_dtype_of(network, precision)
     check_choice("optimizer", optimizer, OPTIMIZERS)
     seconds = None if seconds is None else positive_number("seconds", seconds)

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from jotlight.checks import real_number, shown
 from jotlight.networks.network import Network
 from jotlight.training.parameters import Vector, split_vector
 
@@ -71,8 +72,13 @@ class SafeSet:
     monotone: bool = True
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.nu) and self.nu >= 0):
-            raise ValueError(f"nu: expected a number of 0 or more, got {self.nu}")
+        nu = float(real_number(self.nu))
+        if not (math.isfinite(nu) and nu >= 0):
+            raise ValueError(f"nu: expected a number of 0 or more, got {shown(self.nu)}")
+        object.__setattr__(self, "nu", nu)
+        if not isinstance(self.monotone, bool | np.bool_):
+            raise TypeError(f"monotone: expected True or False, got {shown(self.monotone)}")
+        object.__setattr__(self, "monotone", bool(self.monotone))
 
     def project(self, network: Network, vector: Vector) -> Vector:
         """Return the nearest parameters in the set. The projection is idempotent up to rounding.

@@ -67,7 +67,7 @@ class GaussNewton:
     advice: ClassVar[str] = "raise its damping, or use more patches per step"
 
     def __post_init__(self) -> None:
-        positive_number("damping", self.damping)
+        object.__setattr__(self, "damping", positive_number("damping", self.damping))
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
         """Return a step toward the model's minimum, of length 0 if no length lowers the cost."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jotlight.checks import positive_number
+from jotlight.checks import positive_number, real_number, shown
 from jotlight.networks.network import Network
 from jotlight.parameter_names import check_choice
 from jotlight.training.cost import Cost
@@ -35,7 +35,8 @@ class ProjectedGradient:
     advice: ClassVar[str] = "lower its learning_rate"
 
     def __post_init__(self) -> None:
-        positive_number("learning_rate", self.learning_rate)
+        rate = positive_number("learning_rate", self.learning_rate)
+        object.__setattr__(self, "learning_rate", rate)
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
         """Return a step against the gradient, projected onto 𝒜."""
@@ -69,9 +70,13 @@ class Adam:
     advice: ClassVar[str] = "lower its learning_rate"
 
     def __post_init__(self) -> None:
-        positive_number("learning_rate", self.learning_rate)
-        if not all(0 <= beta < 1 for beta in self.betas):
-            raise ValueError(f"betas: expected two numbers in [0, 1), got {self.betas}")
+        rate = positive_number("learning_rate", self.learning_rate)
+        object.__setattr__(self, "learning_rate", rate)
+        each = self.betas if np.iterable(self.betas) else ()
+        betas = tuple(float(real_number(beta)) for beta in each)
+        if len(betas) != 2 or not all(0 <= beta < 1 for beta in betas):
+            raise ValueError(f"betas: expected two numbers in [0, 1), got {shown(self.betas)}")
+        object.__setattr__(self, "betas", betas)
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
         """Return a step against the mean gradient divided by its root mean square."""

@@ -3,7 +3,7 @@
 import hashlib
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from jotlight.images.color import luma
 from jotlight.images.io import read_image
+from jotlight.progress import Progress, shown_progress
 from jotlight.training.images import describe_smallest
 from jotlight.training.patch_sources import Patch, PatchSource, apply_symmetry
 
@@ -106,7 +107,7 @@ class PhotographPatches(PatchSource):
         paths: Sequence[str | os.PathLike[str]],
         *,
         white: float | None = None,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress = False,
         **settings: float,
     ) -> Self:
         """Return the source of patches of image files, which :func:`read_photographs` reads.
@@ -160,7 +161,7 @@ def read_photographs(
     paths: Sequence[str | os.PathLike[str]],
     *,
     white: float | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = False,
 ) -> list[npt.NDArray[np.uint8]]:
     """Return photographs in files as 8-bit levels, (H, W) or (H, W, 3).
 
@@ -171,8 +172,9 @@ def read_photographs(
     white : float, optional
         Value of intensity 1, as for :func:`jotlight.read_image`, such as 65535 for TIFF files of 16
         bits. Default: the full scale of 8-bit files and of PNG.
-    progress : callable, optional
-        Called with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.
 
     Raises
     ------
@@ -198,11 +200,11 @@ def read_photographs(
             f"or sorted(pathlib.Path({single!r}).iterdir()) for the files of a folder"
         )
     photographs = []
-    for number, path in enumerate(paths, 1):
-        image = read_image(path, white=white)
-        photographs.append(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
-        if progress is not None:
-            progress(number / len(paths))
+    with shown_progress(progress, "reading photographs") as update:
+        for number, path in enumerate(paths, 1):
+            image = read_image(path, white=white)
+            photographs.append(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
+            update(number / len(paths))
     return photographs
 
 

@@ -231,7 +231,7 @@ def _counts_code(viewed: Viewable, state: ViewState) -> str:
         return f"{name} / sensor.trials"
     if viewed.sensor(state.window).bit_depth == 1:
         return f"{name}.counts(sensor.oversampling) / sensor.trials"
-    return f"{name}.sum(sensor.oversampling) / (sensor.trials * sensor.max_reading)"
+    return f"{name}.sum(oversampling=sensor.oversampling) / (sensor.trials * sensor.max_reading)"
 
 
 def _holds_counts(viewed: Viewable) -> bool:

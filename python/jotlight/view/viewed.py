@@ -252,7 +252,7 @@ def count_frames(
         return part.sum(progress)
     oversampling = viewed.sensor(viewed.cycle).oversampling
     if isinstance(part, Readings):
-        return part.sum(oversampling, progress=progress)
+        return part.sum(oversampling=oversampling, progress=progress)
     if part.packed.nbytes > MAX_BRIEF_BYTES:
         return part.counts(oversampling, progress=progress)
     return Bits(np.asarray(part.packed), part.width).counts(oversampling, threads=1)

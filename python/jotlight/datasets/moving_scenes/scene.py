@@ -16,7 +16,7 @@ from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.errors import hide_warnings
 from jotlight.parameter_names import check_choice, takes_rng
-from jotlight.seeds import SeedLike
+from jotlight.seeds import SeedLike, random_generator
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
@@ -319,7 +319,7 @@ def moving(
         )
     detail = whole_number_in_range("detail", detail, 1, 16)
     back, front_texture = Texture(image, detail), Texture(front, detail)
-    generator = rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
+    generator = random_generator(rng)
     if isinstance(motion, str):
         sensor = Sensor(frames=256) if sensor is None else sensor
         check_choice("motion", motion, MOTIONS, ", or an array")

@@ -1,4 +1,4 @@
-"""The progress of long work: a bar, or a function of the caller."""
+"""The progress of long work: a bar (`bars`), or a function of the caller."""
 
 import contextlib
 import contextvars
@@ -24,6 +24,22 @@ _is_part = contextvars.ContextVar("_is_part", default=False)
 """Whether the work is a part of work whose progress is already shown."""
 
 
+def check_progress(progress: object) -> None:
+    """Raise TypeError unless this is a value that :func:`shown_progress` takes.
+
+    Examples
+    --------
+    >>> check_progress("yes")
+    Traceback (most recent call last):
+      ...
+    TypeError: progress: expected True, False, or a function of the fraction, got 'yes'
+    """
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise TypeError(
+            f"progress: expected True, False, or a function of the fraction, got {progress!r}"
+        )
+
+
 @contextlib.contextmanager
 def shown_progress(progress: Progress, title: str) -> Iterator[Update]:
     """Show the progress of some work while the block runs, and yield a function that reports it.
@@ -47,10 +63,7 @@ def shown_progress(progress: Progress, title: str) -> Iterator[Update]:
     ...     update(0.5)
     0.5
     """
-    if not (progress is None or isinstance(progress, bool) or callable(progress)):
-        raise TypeError(
-            f"progress: expected True, False, or a function of the fraction, got {progress!r}"
-        )
+    check_progress(progress)
     if progress is None:
         progress = _in_notebook() and not _is_part.get()
     token = _is_part.set(True)
@@ -71,7 +84,7 @@ def shown_progress(progress: Progress, title: str) -> Iterator[Update]:
 def _bar(title: str) -> Iterator[Update]:
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    from jotlight.bars import make_bar
+    from jotlight.progress.bars import make_bar
 
     text = TextColumn("{task.description}", markup=False)
     time = TimeRemainingColumn(elapsed_when_finished=True)
@@ -109,6 +122,6 @@ def _in_notebook() -> bool:
     # rich is imported only where a kernel runs.
     if "ipykernel" not in sys.modules:
         return False
-    from jotlight.bars import console
+    from jotlight.progress.bars import console
 
     return console.is_jupyter
