@@ -4,6 +4,7 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
+from jotlight.experiments.report.changes import changes_since
 from jotlight.experiments.report.content import Report, Section, format_significant
 from suite.comparisons import comparisons
 from suite.competitors import competitor_sections
@@ -36,6 +37,8 @@ def build_report(run: dict[str, Any]) -> Report:
     )
     if run["quick"]:
         text += " **A quick run with few rounds and small sizes: not for comparison.**"
+    if changes := changes_since(run["machine"]["date"]):
+        text += f" {changes}"
     tasks: Sequence[Task] = run["tasks"]
     sections = []
     if tasks:
@@ -235,9 +238,22 @@ def procedure_section(run: dict[str, Any]) -> Section:
         f"{1000 * run['seconds_per_turn']:.0f} ms, whose mean is one time. Tables show medians of "
         "these times. A ratio is the median of the ratios of each round. The spread is the range "
         "of the middle half of the times. All threads of a program share as many cores as it has "
-        "threads. No time counts unless the results agree within the tolerance.",
+        "threads. No time counts unless the results agree within the tolerance. "
+        + same_results(run["tasks"]),
         notes=left_out(run["tasks"]),
     )
+
+
+def same_results(tasks: Sequence[Task]) -> str:
+    """Return on how many threads the result of each task was the same."""
+    titles: dict[str, list[str]] = {}
+    for task in tasks:
+        numbers = " and ".join(", ".join(map(str, task["same_for_threads"])).rsplit(", ", 1))
+        titles.setdefault(numbers, []).append(task["title"])
+    if len(titles) == 1:
+        return f"The result of every task is the same on {next(iter(titles))} threads."
+    each = "; ".join(f"{numbers}: {', '.join(found)}" for numbers, found in titles.items())
+    return f"The results are the same on these numbers of threads: {each}."
 
 
 def task_section(task: Task) -> Section:
@@ -248,14 +264,13 @@ def task_section(task: Task) -> Section:
     if threads > 1:
         text += f", and {speedup(task, threads):.2f} times as many on {threads}"
     return Section(
-        task["name"], task["title"], f"{text}. {agreement(task)}", tables=[task_table(task)]
+        task["name"], task["title"], f"{text}.{agreement(task)}", tables=[task_table(task)]
     )
 
 
 def agreement(task: Task) -> str:
-    """Return how far results differ by threads, by instruction set, and from those of rivals."""
-    numbers = " and ".join(", ".join(map(str, task["same_for_threads"])).rsplit(", ", 1))
-    text = f"The result is the same on {numbers} threads."
+    """Return how far results differ by instruction set, and from those of rivals."""
+    text = ""
     if task["level_differences"]:
         each = ", ".join(f"{name} {value:.1e}" for name, value in task["level_differences"].items())
         text += f" Largest relative difference from scalar code: {each}."

@@ -50,7 +50,7 @@ KILLS = """## Killed processes
 SIGKILL ended each command at random moments, which are uniform over its duration. After each kill,
 the old output must be intact or the new one complete, byte by byte, and no other file may have
 changed. Then the same command runs to its end, must write the same output, and must leave no
-temporary file.
+temporary file. The rows "reconstruct: video" are of a command that is now `jotlight film`.
 
 In a second series, SIGKILL ended each command right before each of its changes to the folder of the
 output. No file system renames two files at once. So the column "between" counts the kills that hit

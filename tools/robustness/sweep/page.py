@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from .cases import ARRANGEMENTS, FEW_GAINS, GAINS, LONG, PATTERNS, SENSORS, SHAPES, THRESHOLDS
-from .methods import SLOW_STRIDE
+from .methods import SLOW_STRIDE, build_methods
 
 TITLE = "## Extreme bits, exposures, and shapes"
 
 SECTION = """{title}
 
-Every method with all of its options, and every shipped network, ran on {patterns} patterns of bits:
+Every method with all of its options, and every network that was shipped at the time, ran on
+{patterns} patterns of bits:
 {pattern_names}. A violation is a value that is not finite or outside [0, S], another shape or type,
 a warning, or any exception. A network may refuse a sensor that it was not trained for, with a
 message; the table counts such refusals.
@@ -25,7 +26,7 @@ All combinations would take weeks. So the sweep takes all combinations of patter
   dark counts up to 1e6, dead jots, unequal jots, and color.
 
 A network for one K ran on both square and single jots per pixel with this K. BM3D, which is slow,
-ran on every {stride}th combination.
+ran on every {stride}th combination.{since}
 
 | method | estimates | refused | slowest (s) | violations |
 | --- | ---: | ---: | ---: | ---: |
@@ -42,6 +43,7 @@ def build_section(rows: Sequence[dict[str, Any]]) -> str:
         for row in rows
     ]
     findings = [f"- {row['name']}: {text}" for row in rows for text in row["violations"]]
+    since = _changes_since({row["name"] for row in rows})
     *others, last = (str(threshold) for threshold in THRESHOLDS)
     return SECTION.format(
         title=TITLE,
@@ -59,6 +61,7 @@ def build_section(rows: Sequence[dict[str, Any]]) -> str:
         long=f"{LONG:,}",
         sensors=len(SENSORS),
         stride=SLOW_STRIDE,
+        since=f"\n\n{since}" if since else "",
         rows="\n".join(lines),
         runs=sum(row["runs"] for row in rows),
         refused=sum(row["refused"] for row in rows),
@@ -66,3 +69,18 @@ def build_section(rows: Sequence[dict[str, Any]]) -> str:
         violations=len(findings),
         findings="\n".join(["", *findings, ""]) if findings else "",
     )
+
+
+def _changes_since(names: set[str]) -> str:
+    """Return which methods the run does not contain, and which networks are no longer shipped."""
+    shipped = set(build_methods())
+    former = {name for name in names - shipped if name.startswith("network ")}
+    sentences = [
+        f"{text}: {', '.join(name.removeprefix('network ') for name in sorted(found))}."
+        for text, found in (
+            ("Methods and networks that were added after this run", shipped - names),
+            ("Networks of this run that are no longer shipped", former),
+        )
+        if found
+    ]
+    return "\n".join(sentences)

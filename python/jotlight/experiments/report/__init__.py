@@ -1,5 +1,6 @@
 """From the results of experiments or benchmarks to pages and figures.
 
+changes   which methods changed after a measurement
 content   claims, tables, curves, and images, independent of how they are shown
 curves    curves as SVG
 markdown  a report as a page of Markdown

@@ -10,6 +10,7 @@ from jotlight.errors import warn
 from jotlight.experiments import EXPERIMENTS
 from jotlight.experiments.experiment import Results
 from jotlight.experiments.png import decode_png
+from jotlight.experiments.report.changes import changes_since
 from jotlight.experiments.report.content import Report, Scene, Section
 from jotlight.experiments.report.markdown import render_markdown
 from jotlight.experiments.report.overview import overview_section
@@ -43,6 +44,9 @@ def build_report(results: dict[str, Results], facts: dict[str, Facts]) -> Report
             f" These are quick runs ({', '.join(quick)}) with few images and steps. They show "
             "that everything works; no conclusion follows from them."
         )
+    dates = sorted({each["date"] for each in facts.values()})
+    if dates and (changes := changes_since(dates[0])):
+        text += f" {changes}"
     makers: dict[str, Callable[[], Section | None]] = {
         "overview": partial(overview_section, results),
         **{name: partial(EXPERIMENTS[name].section, results[name]) for name in names},
