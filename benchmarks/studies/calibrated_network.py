@@ -1,4 +1,4 @@
-"""Compare a network trained for a capture with its calibration to other methods.
+"""Compare a two-layer network trained for a capture with its calibration to other methods.
 
     python benchmarks/studies/calibrated_network.py
 
@@ -43,7 +43,10 @@ def main() -> None:
     rows = {
         "network for this capture, trained with the calibration": estimate(with_it, capture, known),
         "network for this capture, trained without it": estimate(without, capture, known),
-        "jotlight's two-layer network": estimate(jl.pretrained(known, "two-layer"), capture, known),
+        **{
+            f"jotlight's network, {size}": estimate(jl.pretrained(known, size), capture, known)
+            for size in ("two-layer", "small", "medium", "large")
+        },
         **{
             METHODS[name].title: METHODS[name].run(capture, known)
             for name in ("noniterative-gaussian", "noniterative-tv", "admm-tv", "mle")
@@ -51,8 +54,8 @@ def main() -> None:
         "network for this capture, calibration not used at all": estimate(
             without, capture, unknown
         ),
-        "jotlight's two-layer network, calibration not used at all": estimate(
-            jl.pretrained(unknown, "two-layer"), capture, unknown
+        "jotlight's network, medium, calibration not used at all": estimate(
+            jl.pretrained(unknown), capture, unknown
         ),
     }
     print("| method | PSNR, dB |")
