@@ -1,8 +1,8 @@
 """Images from the bits of single-photon cameras.
 
 A quanta image sensor consists of tiny pixels, called jots. In each frame, a jot reports one bit: 1
-if at least q photons arrive, and 0 otherwise. jotlight simulates such sensors, and estimates images
-from their bits.
+if it detects at least q photons, and 0 otherwise. jotlight simulates such sensors, and estimates
+images from their bits.
 
 >>> import jotlight as jl
 >>> import numpy as np

@@ -162,9 +162,9 @@ def reconstruct(
     threads : int, optional
         Number of threads. Default: all.
     fallback : bool
-        Whether to blend a network with total variation and maximum likelihood where held-out bits
-        contradict its estimate, as in scenes unlike photographs
-        (:func:`jotlight.evaluation.held_out`). This takes 10 to 30 times as long. With
+        Whether to blend a network with total variation and maximum likelihood, with the weights
+        that make held-out bits most likely (:func:`jotlight.evaluation.held_out`). It helps in
+        scenes unlike photographs. This takes 10 to 30 times as long. With
         `return_info`, `Info.shares` holds the mean weight of each method.
     return_info : bool
         Whether to also return which method was chosen and why.

@@ -23,7 +23,7 @@ KERNELS = ("box", "linear", "quadratic", "cubic")
 @require_names("Sensor(frames=16)")
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Sensor(Exposure):
-    """A quanta image sensor: each jot reports 1 when at least `threshold` photons arrive.
+    """A quanta image sensor: each jot reports 1 when it detects at least `threshold` photons.
 
     Readings of several bits state the number of photons (`bit_depth`).
 
