@@ -1,4 +1,7 @@
-"""Measures of how close an estimate is to the truth."""
+"""Measures of how close an estimate is to the truth.
+
+:func:`psnr` and :func:`snr` return ratios in dB, and :func:`ssim` returns the structural similarity.
+"""
 
 import numpy as np
 import numpy.typing as npt

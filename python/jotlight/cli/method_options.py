@@ -40,8 +40,8 @@ class MethodOptions:
         bool,
         Parameter(
             negative=(),
-            help="Blend a network with total variation and maximum likelihood, with the weights that "
-            "make held-out bits most likely. It takes 10 to 30 times as long.",
+            help="Blend a network with total variation and maximum likelihood, with the weights "
+            "that make held-out bits most likely. It takes 10 to 30 times as long.",
         ),
     ] = False
     inverse: Annotated[

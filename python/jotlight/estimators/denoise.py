@@ -1,11 +1,10 @@
 """Denoisers for stabilized counts, whose noise has a standard deviation of 1/2.
 
-Each denoiser maps an image (H, W), or each of a stack (..., H, W), to float32 of the same shape.
-The option `channel_axis` names the axis of color channels. Integers become floats of the same
-values. A new denoiser is a function of one image with the decorator :func:`_of_each_image`, and an
-entry of :data:`DENOISERS`. The denoisers wrap functions of libraries, which run on one image at a
-time. The default strengths were chosen on the BSDS training images at K = 16
-(``python benchmarks/studies/denoiser_strengths.py``).
+:func:`gaussian`, :func:`tv`, :func:`nlm`, and :func:`bm3d` map an image (H, W), or each of a stack
+(..., H, W), to float32 of the same shape. The option `channel_axis` names the axis of color
+channels. Integers become floats of the same values. The default strengths were chosen on the BSDS
+training images at K = 16 (``python benchmarks/studies/denoiser_strengths.py``).
+:func:`jotlight.noniterative` also takes a function of your own.
 """
 
 import functools

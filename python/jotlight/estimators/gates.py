@@ -1,4 +1,8 @@
-"""Gated captures: counts per gate, without the pile-up of one-bit readings, and lifetimes."""
+"""Gated captures: counts per gate, without the pile-up of one-bit readings, and lifetimes.
+
+:func:`gate_detections` corrects pile-up, :func:`decay_lifetime` finds the lifetime of a decay, and
+:func:`gate_dataset` returns the gates for other packages.
+"""
 
 from typing import Any
 

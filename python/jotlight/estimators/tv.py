@@ -1,4 +1,8 @@
-"""Total variation: its value, its proximal map, and the automatic choice of its weight."""
+"""Total variation: its value, its proximal map, and the automatic choice of its weight.
+
+:func:`total_variation` returns the value of an image, :func:`shrink` the proximal map, and
+:func:`automatic_weight` the weight that :func:`jotlight.admm_tv` uses by default.
+"""
 
 import math
 

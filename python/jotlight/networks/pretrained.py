@@ -83,10 +83,10 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     quality : {"two-layer", "small", "medium", "large", "extra-large"}
         Size of the network. In this order: the paper's two layers; seven layers of up to 12
         channels, or six for a single K; thirteen of up to 52 channels; fifteen of up to 80
-        channels; and these fifteen with their output averaged over four rotations of the data. The network of each size serves every
-        number of trials per pixel at any exposure. For ηα = K, threshold 1, S = 1, the box kernel,
-        dark counts of at most 0.05, and K = 9, 16, 25, 36, 49, 64, 81, and 100, "two-layer" and
-        "small" are networks for this K alone.
+        channels; and these fifteen with their output averaged over four rotations of the data. The
+        network of each size serves every number of trials per pixel at any exposure. For ηα = K,
+        threshold 1, S = 1, the box kernel, dark counts of at most 0.05, and K = 9, 16, 25, 36, 49,
+        64, 81, and 100, "two-layer" and "small" are networks for this K alone.
 
     Returns
     -------

@@ -1,7 +1,8 @@
 """Linear operators without a matrix, such as the spread of light from pixels to jots.
 
-An operator is a pair of functions, forward and adjoint. :func:`check_adjoint` checks that they fit
-together. Use it to test your own operators.
+An operator is a pair of functions, forward and adjoint. :func:`spread` returns that of a sensor,
+:func:`differences` that of total variation, and :func:`scaling` a multiple of the image.
+:func:`check_adjoint` checks that the two functions of your own :class:`Operator` fit together.
 """
 
 import dataclasses

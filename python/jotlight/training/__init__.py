@@ -1,6 +1,9 @@
 """Training of networks in the engine by error backpropagation (paper, section 3).
 
-In reading order: `train` (the function), `run` (its settings, steps, and result), `patches` and
+:func:`train` trains a network of two layers on photographs, and :class:`PhotographPatches` and other
+sources of patches feed :func:`jotlight.torch.train`, which trains deep networks.
+
+The modules, in reading order: `train` (the function), `run` (its settings, steps, and result), `patches` and
 `images` (training examples), `cost` (the objective and its gradient), `parameters` (all parameters
 as one vector), `admissible` (the set that they stay in), `optimizer`, `optimizers`, and
 `gauss_newton` (steps), `history` and `checkpoint` (records and state of a run), `reporting` and
