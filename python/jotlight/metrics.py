@@ -1,6 +1,6 @@
 """Measures of how close an estimate is to the truth.
 
-:func:`psnr` and :func:`snr` return ratios in dB, and :func:`ssim` returns the structural similarity.
+:func:`psnr` and :func:`snr` return ratios in dB, and :func:`ssim` the structural similarity.
 """
 
 import numpy as np

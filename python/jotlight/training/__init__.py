@@ -1,15 +1,15 @@
 """Training of networks in the engine by error backpropagation (paper, section 3).
 
-:func:`train` trains a network of two layers on photographs, and :class:`PhotographPatches` and other
+:func:`train` trains a network of two layers on photographs. :class:`PhotographPatches` and other
 sources of patches feed :func:`jotlight.torch.train`, which trains deep networks.
 
-The modules, in reading order: `train` (the function), `run` (its settings, steps, and result), `patches` and
-`images` (training examples), `cost` (the objective and its gradient), `parameters` (all parameters
-as one vector), `admissible` (the set that they stay in), `optimizer`, `optimizers`, and
-`gauss_newton` (steps), `history` and `checkpoint` (records and state of a run), `reporting` and
-`figure` (its progress and its curves). `patch_sources`, `photographs`, `url_photographs`,
-`synthetic_patches`, `color_patches` and `color_drawings` (both with `random_mosaics`), and
-`film_patches` are sources of patches for :func:`jotlight.torch.train`.
+The modules, in reading order: `train` (the function), `run` (its settings, steps, and result),
+`patches` and `images` (training examples), `cost` (the objective and its gradient), `parameters`
+(all parameters as one vector), `admissible` (the set that they stay in), `optimizer`,
+`optimizers`, and `gauss_newton` (steps), `history` and `checkpoint` (records and state of a run),
+`reporting` and `figure` (its progress and its curves). `patch_sources`, `photographs`,
+`url_photographs`, `synthetic_patches`, `color_patches` and `color_drawings` (both with
+`random_mosaics`), and `film_patches` are sources of patches for :func:`jotlight.torch.train`.
 """
 
 from jotlight.training.admissible import AdmissibleSet, SafeSet
