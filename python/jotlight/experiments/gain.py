@@ -7,7 +7,12 @@ import numpy as np
 
 from jotlight.datasets.fetch import Progress
 from jotlight.evaluation.methods import METHODS
-from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_with
+from jotlight.experiments.bsds_methods import (
+    TWO_LAYER_METHOD,
+    crop_center,
+    methods_for,
+    methods_with,
+)
 from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import ALGEBRAIC, method_title
 from jotlight.experiments.report.content import Column, Curves, Section, Table
@@ -104,12 +109,15 @@ def section(results: Results) -> Section:
     }
     by_bits = {k: _means(results, axis="bits", bits=k) for k in settings["many_bits"]}
     fast = _fast_methods(results)
+    measured = results.unique("method")
+    added = [name for name in methods_for(paper_sensor(bits)) if name not in measured]
+    without = f" (without {', '.join(map(method_title, added))})" if added else ""
     return Section(
         EXPERIMENT.name,
         EXPERIMENT.title,
         f"{len(results.unique('image'))} test images of BSDS300 in gray, their central "
         f"{settings['side']} × {settings['side']} pixels, by every installed method with its "
-        "default strength that serves the sensor. The first tables are by exposure α / K, the "
+        f"default strength that serves the sensor{without}. The first tables are by exposure α / K, the "
         f"photons per jot where the scene has intensity 1, at K = {bits}. The second tables "
         "are by K with α = K. The learned network is the package's own where the package has one "
         "for the sensor; otherwise this run trains it on the training images by the default "
