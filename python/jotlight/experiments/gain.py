@@ -117,11 +117,11 @@ def section(results: Results) -> Section:
         EXPERIMENT.title,
         f"{len(results.unique('image'))} test images of BSDS300 in gray, their central "
         f"{settings['side']} × {settings['side']} pixels, by every installed method with its "
-        f"default strength that serves the sensor{without}. The first tables are by exposure α / K, the "
-        f"photons per jot where the scene has intensity 1, at K = {bits}. The second tables "
-        "are by K with α = K. The learned network is the package's own where the package has one "
-        "for the sensor; otherwise this run trains it on the training images by the default "
-        "training.",
+        f"default strength that serves the sensor{without}. The first tables are by exposure "
+        f"α / K, the photons per jot where the scene has intensity 1, at K = {bits}. The second "
+        "tables are by K with α = K. The learned network is the package's own where the package "
+        "has one for the sensor; otherwise this run trains it on the training images by the "
+        "default training.",
         "jotlight reproduce gain",
         ["gain.csv"],
         tables=[
