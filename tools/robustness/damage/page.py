@@ -14,7 +14,7 @@ INTRODUCTION = """# Robustness
 
 This page shows what happens to jotlight and its files when a file is damaged or hostile, when a
 process is killed, when the disk is full, and when light and sensors are extreme. [The guide to
-files](../guide/files.md) explains how the files are protected. A program made this page from
+files](../guide/file_formats.md) explains how the files are protected. A program made this page from
 [the results](robustness); `python tools/robustness/run.py page` makes it again.
 
 | part | tests | violations | date | time (s) | software | command |
