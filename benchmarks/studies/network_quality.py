@@ -97,7 +97,7 @@ def methods(sensor: jl.Sensor, models: list[Path]) -> list[tuple[str, Reconstruc
     """Return the trained networks, and classical methods."""
     found: list[tuple[str, Reconstruct]] = [
         ("maximum likelihood", jl.mle),
-        ("total variation", lambda bits, sensor: jl.noniterative(bits, sensor, denoiser="tv")),
+        ("noniterative-tv", lambda bits, sensor: jl.noniterative(bits, sensor, denoiser="tv")),
     ]
     is_measured = sensor.gain == sensor.frames and sensor.frames in BM3D_BITS
     if is_measured and METHODS["noniterative-bm3d"].available:

@@ -33,7 +33,7 @@ NETWORK_USES = {
 """When to use each network, by the name of its task."""
 
 RIVAL_USES = {
-    TV: "sensors without a trained network",
+    TV: "scenes unlike photographs, and results without training",
     BM3D: "comparison with the literature; its package is for non-commercial use",
 }
 """When to use the non-iterative methods, by their name in the task of the two-layer network."""
