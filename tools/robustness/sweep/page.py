@@ -14,7 +14,7 @@ Every method with all of its options, and every network that was shipped at the 
 {patterns} patterns of bits:
 {pattern_names}. A violation is a value that is not finite or outside [0, S], another shape or type,
 a warning, or any exception. A network may refuse a sensor that it was not trained for, with a
-message; the table counts such refusals.
+message; the table counts such refusals. The film network, which takes films, is not part of it.
 
 All combinations would take weeks. So the sweep takes all combinations of pattern and method with
 
