@@ -1,5 +1,7 @@
 """Calibration of a sensor: dark counts, hot and dead jots, and response, from two captures."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """The data of a calibration."""
 
+from __future__ import annotations
+
 import dataclasses
 
 import numpy as np

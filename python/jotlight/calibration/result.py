@@ -1,5 +1,7 @@
 """A calibration: what two captures reveal about the jots of a sensor."""
 
+from __future__ import annotations
+
 import dataclasses
 import json
 import os
@@ -237,7 +239,7 @@ class Calibration(CalibrationFields):
     def __hash__(self) -> int:
         return hash((self.shape, self.dark_frames, self.flat_frames, int(self.dark_ones.sum())))
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Return a figure with the maps, the distributions and their limits, and the numbers."""
         return page(self)
 

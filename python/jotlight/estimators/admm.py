@@ -1,5 +1,7 @@
 """Maximum likelihood with total variation, by ADMM: the paper's reference [7]."""
 
+from __future__ import annotations
+
 from typing import Literal, overload
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Counts of free-running pixels, which are blind for a dead time after each detection."""
 
+from __future__ import annotations
+
 import dataclasses
 
 import numpy as np

@@ -5,6 +5,8 @@ sensor with one gain and one threshold have the same maximum and the same inform
 that takes merged counts works on them.
 """
 
+from __future__ import annotations
+
 import dataclasses
 from typing import Any, cast
 

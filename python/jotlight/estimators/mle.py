@@ -1,5 +1,7 @@
 """Maximum likelihood in closed form for the box kernel: equation (5), for any threshold."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Maximum likelihood for any kernel, solved iteratively: equation (4)."""
 
+from __future__ import annotations
+
 import dataclasses
 from typing import Literal, overload
 
@@ -194,7 +196,7 @@ class _State:
     scale: Array
     """The scale of the intensities of each image, (N,)."""
 
-    def select(self, images: Mask) -> "_State":
+    def select(self, images: Mask) -> _State:
         """Return the state of the images of a mask (N,)."""
         return _State(
             self.problem.select(images),

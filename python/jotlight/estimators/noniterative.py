@@ -1,5 +1,7 @@
 """The non-iterative method: stabilize, denoise, invert (paper, section 2.2.2)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The expected quality of `jotlight.mle` before a capture: exact bias, error, bound, and PSNR."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -93,7 +95,7 @@ class Plan:
         """The light over the Cramér-Rao bound in dB, (M, N)."""
         return _decibels(self.light / self.cramer_rao_bound)
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Return a figure of the PSNR over the frames, and of the SNR over the light."""
         from jotlight.figures import Figure
 

@@ -1,5 +1,7 @@
 """One call that compares methods, also those of the caller, on the bits of one image."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -63,7 +65,7 @@ class Comparison:
     def _repr_html_(self) -> str:
         return card("Comparison", {}, self.plot().thumbnail()) + table_of(COLUMNS, self.rows())
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Return a figure of the image, of its bits, and of all estimates, with enlarged parts."""
         import jotlight.plots as plots
 

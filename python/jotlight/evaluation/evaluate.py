@@ -1,5 +1,7 @@
 """Evaluation of one method on many images: mean quality, and quality on the worst images."""
 
+from __future__ import annotations
+
 import csv
 import dataclasses
 import io

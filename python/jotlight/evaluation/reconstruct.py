@@ -1,5 +1,7 @@
 """One call that estimates an image by the best method, by a named one, or by the caller's own."""
 
+from __future__ import annotations
+
 import dataclasses
 import time
 from collections.abc import Callable

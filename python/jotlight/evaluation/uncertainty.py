@@ -1,5 +1,7 @@
 """The uncertainty of each pixel of the estimate of any method."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from functools import partial
 

@@ -1,5 +1,7 @@
 """`jotlight.open`: captures of every format, read part by part as they are needed."""
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import os

@@ -7,5 +7,5 @@
 - `saving`: images and films of any kind of number in files.
 - `image_stack`: several named images in one file.
 - `video`: one image per window of frames. `gif` and `mp4`: its formats for display.
-- `exr`, `tiff`: these formats.
+- `exr`, `png`, `tiff`: these formats.
 """

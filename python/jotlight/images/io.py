@@ -1,13 +1,12 @@
 """Read photographs as intensities, and write images."""
 
 import contextlib
-import io
 import json
 import os
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,12 +15,13 @@ from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import positive_number
 from jotlight.files import refuse_folder
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
+from jotlight.formats.images.png_chunks import GRAYSCALE
 from jotlight.formats.images.png_notes import KEYWORD, read_png_note
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.limits import check_claimed_size
 from jotlight.images.color import FloatImage, fit_channels, luma
 from jotlight.images.exr import check_exr, read_exr, read_exr_comments, write_exr
+from jotlight.images.png import checked_png, read_png16, write_png16
 from jotlight.images.tiff import read_tiff, write_tiff
 from jotlight.output_files import OutputFile, open_output
 
@@ -142,13 +142,13 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         with contextlib.ExitStack() as stack:
             # Pillow would map some files into memory if it opened them itself.
             stream = stack.enter_context(path.open("rb"))
-            png = _checked_png(stream)
+            png = checked_png(stream)
             file = stack.enter_context(Image.open(stream))
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
             if png is not None and png.depth == 16 and png.color_type != GRAYSCALE:
                 orientation = file.getexif().get(_ORIENTATION, 1)
-                return _upright(_read_png16(stream), orientation), 65535.0
+                return _upright(read_png16(stream), orientation), 65535.0
             image = ImageOps.exif_transpose(file)
             if image.mode in ("I;16", "I;16B", "I"):
                 return np.asarray(image).astype(np.int32), 65535.0
@@ -165,29 +165,6 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         if str(error).startswith(str(path)):
             raise
         raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
-
-
-def _checked_png(stream: BinaryIO) -> PngHeader | None:
-    """Return the header of a PNG after checking all of its bytes, or None for other files.
-
-    Some programs append data to a photograph. It is accepted, because the PNG itself is complete.
-    """
-    is_png = stream.read(len(SIGNATURE)) == SIGNATURE
-    stream.seek(0)
-    header = check_png(stream.read(), trailing=True) if is_png else None
-    stream.seek(0)
-    return header
-
-
-def _read_png16(stream: BinaryIO) -> npt.NDArray[np.uint16]:
-    """Return a 16-bit PNG with transparency or color, which Pillow reduces to 8 bits."""
-    import png
-
-    stream.seek(0)
-    width, height, rows, info = png.Reader(file=stream).read()
-    values = np.array([np.asarray(row, np.uint16) for row in rows])
-    values = values.reshape(height, width, info["planes"])
-    return values[..., 0] if info["planes"] == 2 else values[..., :3]
 
 
 def _upright(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
@@ -266,7 +243,7 @@ def image_writer(
         elif suffix in (".tif", ".tiff"):
             write_tiff(handle, image, note)
         elif depth == 16:
-            _write_png16(handle, display_levels(image, white, 65535).astype(np.uint16), note)
+            write_png16(handle, display_levels(image, white, 65535).astype(np.uint16), note)
         else:
             from PIL import Image as PillowImage
 
@@ -341,17 +318,3 @@ def display_levels(image: FloatImage, white: float, max_level: int) -> FloatImag
     np.clip(levels, 0, 1, out=levels)
     levels *= max_level
     return np.rint(levels, out=levels)
-
-
-def _write_png16(
-    file: OutputFile, values: npt.NDArray[np.uint16], note: Mapping[str, Any] | None
-) -> None:
-    # Pillow has no 16-bit color.
-    import png
-
-    rows = values.reshape(len(values), -1)
-    stream = io.BytesIO()
-    png.from_array(rows, "L;16" if values.ndim == 2 else "RGB;16").write(stream)
-    header, *chunks = png.Reader(bytes=stream.getvalue()).chunks()
-    text = [(b"tEXt", f"{KEYWORD}\0{json.dumps(dict(note))}".encode())] if note else []
-    png.write_chunks(file, [header, *text, *chunks])

@@ -1,5 +1,7 @@
 """A reconstruction network: its layers, and the sensor that it is for."""
 
+from __future__ import annotations
+
 import dataclasses
 import os
 from collections.abc import Mapping, Sequence
@@ -337,7 +339,7 @@ class Network(EngineBacked, TorchHints):
         """
         write_onnx(path, self, sensor)
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Return a figure of splines and filters: those of the first and the last trained layer."""
         return figure_of_layers(self.layers)
 

@@ -1,5 +1,7 @@
 """The likelihood of bits, for any threshold."""
 
+from __future__ import annotations
+
 import copy
 from collections.abc import Callable
 from typing import Any
@@ -122,11 +124,11 @@ class Likelihood:
         each = self._light(light).reshape(self.shape[0], -1)
         return np.array(engine.log_likelihood(self.engine_argument(), each, self._threads))
 
-    def stacked(self) -> "Likelihood":
+    def stacked(self) -> Likelihood:
         """Return the likelihood of a stack of this one image, (1, ...)."""
         return self._with_cells(lambda cells: cells[None])
 
-    def select(self, images: npt.NDArray[np.bool_]) -> "Likelihood":
+    def select(self, images: npt.NDArray[np.bool_]) -> Likelihood:
         """Return the likelihood of the images of a stack that a mask (N,) marks."""
         return self._with_cells(lambda cells: select(cells, images))
 
@@ -228,7 +230,7 @@ class Likelihood:
         own = self.engine_argument()
         return np.array(engine.likelihood_admm_update(own, step, max_light, *arrays, self._threads))
 
-    def _with_cells(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> "Likelihood":
+    def _with_cells(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> Likelihood:
         """Return a copy, with a changed array of cells in each of its maps."""
         other = copy.copy(self)
         for name in ("ones", "trials", "dark_counts", "efficiency"):

@@ -1,5 +1,7 @@
 """Counts whose pixels may have different numbers of trials."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Iterator
 from typing import Any, NoReturn
@@ -143,7 +145,7 @@ class Merged:
             "jotlight.reconstruct(merged) returns an image"
         )
 
-    def channels(self) -> Iterator["Merged"]:
+    def channels(self) -> Iterator[Merged]:
         """Yield the gray counts of each channel."""
         if self.ones.ndim == 2:
             yield self

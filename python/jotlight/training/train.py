@@ -1,5 +1,7 @@
 """The function that trains a network: `jotlight.train`."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 
