@@ -24,7 +24,7 @@ def has_signature(name):
     return callable(value) and not (inspect.isclass(value) and issubclass(value, Exception))
 
 
-@pytest.mark.parametrize("name", filter(has_signature, jl.__all__))
+@pytest.mark.parametrize("name", [name for name in jl.__all__ if has_signature(name)])
 def test_signatures_name_types(name):
     for each in callables_of(name):
         assert len(str(inspect.signature(each))) <= LONGEST, each
