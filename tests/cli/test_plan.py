@@ -97,6 +97,7 @@ def test_the_cost_of_motion_is_printed(run):
         assert f"--motion takes about {cost.seconds:.2g} s on one thread and " in output
         assert f"{cost.memory / 1e6:.0f} MB for 100 frames of {size[0]} x {size[1]} jots" in output
         assert f"and {cost.further_seconds:.2g} s for each further image" in output
+        assert "That is for a scene that moves as a whole" in output
 
 
 def test_frames_that_all_help_are_not_compared_with_twice_as_many(run):
@@ -126,6 +127,9 @@ def test_the_frames_that_help_at_a_speed_are_printed(run):
     assert slow.best_aligned < slow.frames_in_view
     helping = f"With --motion, up to {slow.best_aligned:,} frames help; twice as many gain less"
     assert helping in run(*arguments, "--speed", 0.01)[1]
+    very_slow = run(*arguments, "--speed", 1e-9)[1]
+    assert "the sum of 1,048,576 or more frames is best.\n" in very_slow
+    assert "longer sums are worse" not in very_slow
     assert "At rest, all frames help." in run(*arguments, "--speed", 0)[1]
     output = run("plan", "1e-6", "--speed", 1, "--size", "64x64")[1]
     assert "There is too little light for --motion at this speed" in output

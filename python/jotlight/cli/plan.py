@@ -12,7 +12,7 @@ from jotlight.calibration import Calibration
 from jotlight.cli.console import out, report
 from jotlight.cli.sensor_options import PlannedSensorOptions
 from jotlight.errors import counted, plural
-from jotlight.estimators.planned_motion import MIN_FRAMES, MotionPlan
+from jotlight.estimators.planned_motion import MAX_SUM, MIN_FRAMES, MotionPlan
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
 from jotlight.files import check_outputs
@@ -170,7 +170,7 @@ def _motion_line(frames: int, size: tuple[int, int]) -> str:
         f"If the scene moves, --motion takes about {cost.seconds:.2g} s on one thread and "
         f"{cost.memory / 1e6:.0f} MB for {counted(frames, 'frame')} of "
         f"{size[0]} x {size[1]} jots, and {cost.further_seconds:.2g} s for each further image of a "
-        "film."
+        "film. That is for a scene that moves as a whole; parts that move differently take longer."
     )
 
 
@@ -179,10 +179,11 @@ def _motion_lines(motion: MotionPlan) -> list[str]:
     per_frame = f"At {motion.speed:.3g} pixels per frame"
     if motion.speed == 0:
         return ["At rest, all frames help."]
-    lines = [
-        f"{per_frame}, without alignment, the sum of {_count(motion.best_sum)} is best; longer "
-        "sums are worse, because the scene is blurred."
-    ]
+    if motion.best_sum == MAX_SUM < motion.frames_in_view:
+        best = f"{MAX_SUM:,} or more frames is best."
+    else:
+        best = f"{_count(motion.best_sum)} is best; longer sums are worse, because of blur."
+    lines = [f"{per_frame}, without alignment, the sum of {best}"]
     error = f"the displacements have an error of {motion.registration_error:.2g} pixels"
     in_view = f"beyond {_count(motion.frames_in_view)} nothing of the image is in view"
     if motion.frames_in_view < MIN_FRAMES:

@@ -46,6 +46,9 @@ _ENOUGH = 0.1
 _MAX_SPEED = 1000.0
 """Largest speed in pixels per frame."""
 
+MAX_SUM = 1 << 20
+"""Largest number of frames whose sum is compared with others."""
+
 MIN_FRAMES = 16
 """Minimum number of frames from which a motion can be estimated."""
 
@@ -73,7 +76,8 @@ class MotionPlan:
     aligned : ndarray of float64
         The PSNR in dB of the frames after alignment, (M,), if they can be aligned.
     best_sum : int
-        The number of frames whose sum is best. Longer sums are worse.
+        The number of frames whose sum is best. Longer sums are worse, unless it is 2²⁰ = 1,048,576:
+        no longer ones are compared.
     best_aligned : int, optional
         The smallest number of frames, 16 or more, for which twice as many improve the PSNR after
         alignment by less than 0.1 dB. None if frames cannot be aligned at this speed: there is too
@@ -165,7 +169,7 @@ def plan_motion(
     """
     film = _Film(information, speed, size, scene or SceneModel())
     in_view = film.frames_in_view
-    search = np.unique(np.geomspace(1, min(in_view, 1 << 20), 400).astype(np.int64))
+    search = np.unique(np.geomspace(1, min(in_view, MAX_SUM), 400).astype(np.int64))
     summed = np.array([film.summed(int(number)) for number in search])
     best_sum = int(search[np.argmax(summed)])
     error = film.registration_error
