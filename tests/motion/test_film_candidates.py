@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import types
 
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ def test_agreeing_bits_decide_at_the_last_frame_and_about_outlines(
         dataclasses.replace(
             found,
             agreeing=fraction,
-            motion=dataclasses.replace(found.motion, model=model),
+            motion=types.SimpleNamespace(model=model),
             paths=copy.copy(found.paths),
         )
         for model, fraction in zip(models, (0.7, 0.7 + difference), strict=True)

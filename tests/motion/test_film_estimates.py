@@ -9,12 +9,13 @@ import jotlight as jl
 from jotlight.errors import hide_warnings
 from jotlight.formats.capture import CountStack
 from jotlight.metrics import psnr
-from jotlight.motion.align import as_blocks, prepare_burst
+from jotlight.motion.align import prepare_burst
 from jotlight.motion.film import film
 from jotlight.motion.film_estimates import FilmEstimates, displaced, estimate_film
 from jotlight.motion.film_image import count_nearest
 from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.merge import as_paths
+from jotlight.motion.sensor_blocks import as_blocks
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.reference import reference_jot

@@ -14,7 +14,8 @@ from jotlight.motion.film_image import find_parts
 def parts_of(frames, blocks, reference):
     edges = np.linspace(0, frames, blocks + 1).round().astype(int)
     centers = (edges[:-1] + edges[1:] - 1) / 2
-    paths = SimpleNamespace(blocks=SimpleNamespace(centers=centers), reference=reference)
+    blocks = SimpleNamespace(centers=centers, is_lit=np.ones(len(centers), bool))
+    paths = SimpleNamespace(blocks=blocks, reference=reference)
     return [sorted(part) for part in find_parts(paths)]
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.align import excluded_jots
 from jotlight.motion.film import film
 from jotlight.motion.film_candidates import Candidates
 from jotlight.motion.film_frames import FilmFrames
 from jotlight.motion.film_kinds import FilmKinds
 from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.mosaic_colors import is_mergeable
+from jotlight.motion.sensor_blocks import excluded_jots
 from jotlight.motion.squares import in_squares
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.reading_groups import without_mosaic

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.align import as_blocks
 from jotlight.motion.burst import as_burst
 from jotlight.motion.jots import Jots, SeenJots, inverse_response, response
+from jotlight.motion.sensor_blocks import as_blocks
 from jotlight.motion.sums import Sums
 from jotlight.sensing.response import detection_probability
 

@@ -31,10 +31,22 @@ def test_each_pixel_has_the_error_of_its_own_field():
     labels[:, 25:] = 1
     information = np.concatenate([motion.information, 4 * motion.information])
     motion = dataclasses.replace(
-        motion, nodes=motion.nodes.repeat(2, axis=0), information=information, labels=labels
+        motion,
+        nodes=motion.nodes.repeat(2, axis=0),
+        information=information,
+        labels=labels,
+        model="segments",
     )
     error = posterior_error(motion)
     np.testing.assert_allclose(error, np.where(labels, 0.05, 0.1), rtol=1e-5)
+
+
+def test_blocks_without_light_do_not_change_the_error():
+    motion = constant_motion([(0, 0), (1, 2), (2, 1)], (40, 50), [0, 4, 8], 4)
+    information = motion.information.copy()
+    information[:, 1] = 0
+    found = posterior_error(dataclasses.replace(motion, information=information))
+    np.testing.assert_allclose(found, posterior_error(motion))
 
 
 def test_without_information_the_error_is_large_and_finite():

@@ -6,6 +6,8 @@ import pytest
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.formats.capture import CountStack
+from jotlight.motion.block_edges import block_edges
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import as_burst
 from jotlight.motion.velocity import _count_blocks, find_velocities
 from jotlight.sensing.provenance import Provenance
@@ -85,13 +87,15 @@ def test_blocks_are_counted_in_squares(kind, length, monkeypatch):
     # Each part has a few frames, so blocks consist of several parts, and parts of several blocks.
     monkeypatch.setattr("jotlight.motion.burst._BYTES_AT_ONCE", 7 * burst.frame_bytes)
     for threads in (1, 2):
-        counts = _count_blocks(burst, length, threads)
+        blocks = Blocks(burst, block_edges(len(burst)), threads=threads)
+        counts = _count_blocks(blocks, length)
         np.testing.assert_array_equal(counts, slow_counts(expected, length))
 
 
 def test_thin_images_are_counted_jot_by_jot():
     images = np.random.default_rng(6).random((8, 2, 11)) < 0.5
-    counts = _count_blocks(as_burst_of(images), 2, None)
+    burst = as_burst_of(images)
+    counts = _count_blocks(Blocks(burst, block_edges(len(burst))), 2)
     np.testing.assert_array_equal(counts, images.reshape(4, 2, 2, 11).sum(axis=1))
 
 

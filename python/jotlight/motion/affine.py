@@ -13,7 +13,7 @@ from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import Equations, fit_affine
 from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
 from jotlight.motion.segments import Segment, limit_length
-from jotlight.motion.shrinkage import shrink_field
+from jotlight.motion.shrinkage import shrink_field, translation_of
 from jotlight.motion.smoothing import cubic_weights, interpolation_bias
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import affine_basis, affine_inverse, mean_tiles, tile_counts
@@ -48,6 +48,9 @@ _TINY = 0.1
 _INTERPOLATION = 0.25
 """Error of linear interpolation between blocks, as a fraction of their second difference."""
 
+_MAX_STEP = 2.0
+"""Longest step of a block, in widths of the filter."""
+
 _FARTHEST = 4
 """Largest predicted displacement, in units of the length of the image."""
 
@@ -78,6 +81,7 @@ def follow_segment(
     template, weights = make_template(total, blocks.threads), segment.weights
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, segment.velocity)
+        find_after_gap(track, int(block), template, weights)
         for sigma in SIGMAS:
             if improve_block(track, block, template, sigma, weights) <= _SMALL:
                 break
@@ -106,6 +110,21 @@ def _align_together(track: Track, weights: Array) -> None:
             break
 
 
+def find_after_gap(track: Track, block: int, template: Template, weights: Array) -> None:
+    """Find the translation of a block with light that follows blocks without light.
+
+    The prediction for such a block has a large error. For other blocks, nothing changes.
+    """
+    is_lit = track.blocks.is_lit
+    near = int(abs(np.flatnonzero(track.known & is_lit) - block).min())
+    if near == 1 or not is_lit[block]:
+        return
+    for sigma in _WIDE_SIGMAS:
+        equations = normal_equations(track.nearby_sums(block), template, sigma)
+        step = translation_of(*fit_affine(equations, weights))
+        track.nodes[block] -= limit_length(step, _MAX_STEP * sigma)
+
+
 def start_track(blocks: Blocks, velocity: Array) -> Track:
     """Return a track of which only the two central blocks are known, and move at a velocity."""
     track = Track.still(blocks)
@@ -121,7 +140,7 @@ def extrapolate(track: Track, block: int, velocity: Array) -> None:
     centers = track.blocks.centers
     known = np.flatnonzero(track.known)
     near = int(known[np.argmin(abs(known - block))])
-    far = 2 * near - block
+    far = near + (1 if near > block else -1)
     if 0 <= far < len(centers) and track.known[far]:
         velocity = (track.nodes[near] - track.nodes[far]) / (centers[near] - centers[far])
     nodes = track.nodes[near] + velocity * (centers[block] - centers[near])
@@ -149,7 +168,7 @@ def improve_block(
 ) -> float:
     """Update the displacements of a block, and return the length of the longest step."""
     equations = normal_equations(track.nearby_sums(block), template, sigma)
-    step = limit_length(shrink_field(*fit_affine(equations, weights)), 2 * sigma)
+    step = limit_length(shrink_field(*fit_affine(equations, weights)), _MAX_STEP * sigma)
     track.nodes[block] -= step
     return float(np.hypot(*step).max())
 
@@ -174,19 +193,39 @@ def improve_against(track: Track, template: Template, weights: Array, sigma: flo
     shape = tile_counts(track.blocks.size)
     basis, to_parameters = affine_basis(shape), affine_inverse(shape)
     steps, matrices = _fit_blocks(track, template, sigma, weights)
+    steps = np.moveaxis(limit_length(np.moveaxis(steps, 1, 0), _MAX_STEP * sigma), 0, 1)
     nodes = (track.nodes - steps).reshape(2 * number, -1)
     parameters = (nodes @ to_parameters.T).reshape(number, 6)
     at_reference = weights_at(track.reference, track.blocks)
     smooth = smooth_affine(parameters, matrices, threads)
     smooth -= at_reference @ smooth
     covariances = _covariances(matrices)
-    covariances = covariances + np.tensordot(at_reference**2, covariances, axes=1)
+    seen = track.blocks.is_lit * at_reference**2
+    covariances = covariances + np.tensordot(seen, covariances, axes=1)
     displacements = (smooth.reshape(number, 2, 3) @ basis.T).reshape(track.nodes.shape)
+    displacements = keep_velocities(displacements, track.blocks)
     length = float(np.sqrt(2 * np.mean((displacements - track.nodes) ** 2)))
     track.nodes = displacements
     information = _information(covariances, basis, displacements.reshape(number, 2, -1))
     track.information = information.reshape(track.information.shape)
+    track.information[~track.blocks.is_lit] = 0
     return length
+
+
+def keep_velocities(nodes: Array, blocks: Blocks) -> Array:
+    """Return displacements whose points keep their velocities before and after all light."""
+    lit = np.flatnonzero(blocks.is_lit)
+    if len(lit) < 2 or len(lit) == len(nodes):
+        return nodes
+    nodes, centers = nodes.copy(), blocks.centers
+    for end, inner, outside in (
+        (lit[0], lit[1], slice(0, lit[0])),
+        (lit[-1], lit[-2], slice(lit[-1] + 1, None)),
+    ):
+        velocity = (nodes[end] - nodes[inner]) / (centers[end] - centers[inner])
+        nodes[outside] = nodes[end] + np.multiply.outer(centers[outside] - centers[end], velocity)
+    farthest = _FARTHEST * max(blocks.size)
+    return np.clip(nodes, -farthest, farthest)
 
 
 def _fit_blocks(
@@ -236,7 +275,7 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
 
 def sums_of_groups(track: Track) -> list[Sums]:
     """Return the sums of groups of successive blocks that are known."""
-    groups = np.array_split(np.flatnonzero(track.known), _GROUPS)
+    groups = np.array_split(np.flatnonzero(track.known & track.blocks.is_lit), _GROUPS)
     return [
         Sums.total((track.nearby_sums(int(block)) for block in group), track.blocks.threads)
         for group in groups

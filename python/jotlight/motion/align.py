@@ -1,10 +1,11 @@
 """Alignment: the motion of a scene, estimated from its bits."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sized
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from jotlight.checks import real_number
 from jotlight.errors import warn
@@ -14,11 +15,12 @@ from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst, refuse_pixels
 from jotlight.motion.consistency import Consistent
+from jotlight.motion.dark_frames import report_dark
 from jotlight.motion.jot_kinds import frames_of_kinds
-from jotlight.motion.jots import Jots
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
 from jotlight.motion.reading_counts import ReadingCounts, ReadingStack, counts_for_motion
+from jotlight.motion.sensor_blocks import as_blocks, excluded_jots
 from jotlight.motion.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
@@ -32,12 +34,6 @@ from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.reading_groups import refuse_mosaic, without_mosaic
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
-
-_MIN_HOT_RATIO = 5.0
-"""Jots with dark counts above this multiple of the median are hot, if they exceed the light, too.
-
-They stand still, so they would pull the motion toward 0.
-"""
 
 
 def align(
@@ -63,7 +59,8 @@ def align(
         of the dark counts are part of the likelihood. Default: the one of the bits.
     at : float, optional
         Reference time, from 0 to T - 1 in frames: the time that the image will show. Default: the
-        middle, T // 2, or for a bracket the middle of the cycle there.
+        middle, T // 2, or for a bracket the middle of the cycle there. If this frame is dark, it is
+        the middle of the others.
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion. "auto" selects the one that explains the bits best.
     threads : int, optional
@@ -87,7 +84,8 @@ def align(
     JotlightWarning
         When the motion cannot be estimated, because there are fewer than 16 frames or because all
         bits are equal. The scene is then assumed to stand still. Also when the scene moves so far
-        that some frames show nothing of the image at the reference time.
+        that some frames show nothing of the image at the reference time, and when frames are dark:
+        when they have less than 1/16 of the mean light. Dark frames are not used.
 
     Notes
     -----
@@ -104,7 +102,19 @@ def align(
     ('affine', (2, 64, 96))
     """
     with shown_progress(progress, "aligning") as update:
-        return find_motion(data, sensor, at, model, threads, update)[0]
+        found = find_motion(data, sensor, at, model, threads, update)
+    report_dark(found.dark, found.motion.reference)
+    return found.motion
+
+
+class FoundMotion(NamedTuple):
+    """A motion that was found."""
+
+    motion: Motion
+    consistent: Consistent | None
+    """The sums along it, if they are known."""
+    dark: list[range]
+    """The spans of frames without light."""
 
 
 def find_motion(
@@ -114,16 +124,18 @@ def find_motion(
     model: str,
     threads: int | None,
     progress: Callable[[float], object],
-) -> tuple[Motion, Consistent | None]:
-    """Return the motion that :func:`align` returns, and the sums along it if they are known."""
+) -> FoundMotion:
+    """Return the motion that :func:`align` returns, without a warning about dark frames."""
     if (converted := counts_for_motion(data, sensor)) is not None:
         return _motion_of_counts(converted, at, model, threads, progress)
     if (of_kinds := frames_of_kinds(data, sensor)) is not None:
-        return _motion_of_squares(*of_kinds, at, model, threads, progress), None
+        return _motion_of_squares(*of_kinds, at, model, threads, progress)
     burst, sensor = prepare_burst(data, sensor)
     check_choice("model", model, ("auto", *MODELS))
     time = reference_time(at, burst)
     blocks = as_blocks(burst, block_edges(len(burst)), sensor, threads)
+    if at is None and not blocks.burst.number_lit(range(len(burst) // 2, len(burst) // 2 + 1)):
+        time = blocks.middle
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"
@@ -133,10 +145,27 @@ def find_motion(
             f"what the image shows is out of view in {hidden} of {len(burst)} frames, which are "
             "not used; take a shorter part of the burst, or another time `at`"
         )
-    motion = as_motion(found.paths, found.model)
+    motion, dark = as_motion(found.paths, found.model), blocks.burst.dark_spans
     if time != motion.reference:
-        return motion.seen_from(time), None
-    return motion, found.consistent
+        return FoundMotion(seen_from(motion, time), None, dark)
+    return FoundMotion(motion, found.consistent, dark)
+
+
+def seen_from(motion: Motion, time: float) -> Motion:
+    """Return a motion as seen from a time, or that of a scene that stands still, with a warning.
+
+    A wrong motion may fold the image, so that its displacements have no bounds.
+    """
+    try:
+        return motion.seen_from(time)
+    except ValueError:
+        warn(
+            f"the motion that was found is wrong: at time {time:g}, it folds the image; the scene "
+            "is assumed to stand still"
+        )
+    nodes, information = (np.zeros_like(each[:1]) for each in (motion.nodes, motion.information))
+    labels = np.zeros_like(motion.labels)
+    return Motion(nodes, labels, motion.times, time, "none", information)
 
 
 def _motion_of_counts(
@@ -145,15 +174,15 @@ def _motion_of_counts(
     model: str,
     threads: int | None,
     progress: Callable[[float], object],
-) -> tuple[Motion, Consistent | None]:
+) -> FoundMotion:
     """Return the motion of readings that become counts of single bits, as :func:`find_motion`."""
     counts = converted.counts, converted.sensor
     time = reference_time(at, converted.readings)
-    motion, consistent = find_motion(*counts, None, model, threads, progress)
-    motion = converted.in_frames(motion)
+    found = find_motion(*counts, None, model, threads, progress)
+    motion, dark = converted.in_frames(found.motion), converted.frames_of(found.dark)
     if at is None or time == motion.reference:
-        return motion, consistent
-    return motion.seen_from(time), None
+        return FoundMotion(motion, found.consistent, dark)
+    return FoundMotion(seen_from(motion, time), None, dark)
 
 
 def _motion_of_squares(
@@ -163,14 +192,14 @@ def _motion_of_squares(
     model: str,
     threads: int | None,
     progress: Callable[[float], object],
-) -> Motion:
+) -> FoundMotion:
     """Return the motion of a scene that kinds of jots show, from sums over squares of them."""
     gray = without_mosaic(sensor)
     squares, own = in_squares(data, sensor, excluded_jots(gray))
-    motion, _ = find_motion(squares, own, at, model, threads, progress)
+    found = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
     height, width = jot_shape(data)[1:3]
-    return enlarge_motion(motion, side, (height, width))
+    return FoundMotion(enlarge_motion(found.motion, side, (height, width)), None, found.dark)
 
 
 def prepare_burst(
@@ -227,61 +256,14 @@ def reference_time(at: float | None, burst: Sized) -> float:
     return at
 
 
-def as_blocks(
-    burst: Burst,
-    edges: npt.NDArray[np.intp],
-    sensor: Sensor,
-    threads: int | None,
-    *,
-    with_hot_jots: bool = False,
-) -> Blocks:
-    """Return the blocks of a burst that a sensor recorded.
-
-    Parameters
-    ----------
-    burst, edges, threads
-        As for :class:`jotlight.motion.blocks.Blocks`.
-    sensor : Sensor
-        The sensor. Its dead jots are not counted.
-    with_hot_jots : bool
-        Whether hot jots are counted.
-    """
-    valid = valid_jots(sensor, with_hot_jots=with_hot_jots)
-    jots = Jots.of_sensor(sensor, burst.size, valid)
-    return Blocks(burst, edges, valid, threads, jots=jots)
-
-
-def valid_jots(sensor: Sensor, *, with_hot_jots: bool = False) -> npt.NDArray[np.uint8] | None:
-    """Return the packed mask of the jots that are neither dead nor hot, or None if all are good."""
-    excluded = sensor.mask if with_hot_jots else excluded_jots(sensor)
-    if excluded is None or not excluded.any():
-        return None
-    return np.packbits(~excluded, axis=1)
-
-
-def excluded_jots(sensor: Sensor) -> npt.NDArray[np.bool_] | None:
-    """Return the jots that are dead or hot, or None if there are none."""
-    dead, hot = sensor.mask, hot_jots(sensor)
-    return dead if hot is None else hot if dead is None else dead | hot
-
-
-def hot_jots(sensor: Sensor) -> npt.NDArray[np.bool_] | None:
-    """Return the hot jots, or None if there are none."""
-    dark = sensor.dark_counts
-    if not isinstance(dark, np.ndarray):
-        return None
-    light = sensor.light_per_intensity * sensor.max_intensity
-    hot = (dark > _MIN_HOT_RATIO * np.median(dark)) & (dark > 0.01 * light)
-    return hot if hot.any() else None
-
-
 def _unusable(blocks: Blocks) -> str | None:
     """Return why no motion can be estimated, or None if one can be."""
     burst = blocks.burst
-    if len(burst) < MIN_FRAMES:
+    if (lit := burst.number_lit(range(len(burst)))) < MIN_FRAMES:
         return (
-            f"expected {MIN_FRAMES} or more frames, images of counts, or cycles of exposures, to "
-            f"estimate a motion, got {len(burst)}"
+            f"expected {MIN_FRAMES} or more frames{' with light' if lit < len(burst) else ''}, "
+            "images of counts, or cycles of exposures, to "
+            f"estimate a motion, got {lit}"
         )
     if blocks.valid is not None and not blocks.valid.any():
         return "all jots are dead or hot, so that no motion can be estimated"
@@ -292,16 +274,17 @@ def _unusable(blocks: Blocks) -> str | None:
 
 
 def _frames_out_of_view(paths: Paths) -> int:
-    """Return the number of frames in blocks that show no point of the image."""
+    """Return the number of frames with light in blocks that show no point of the image."""
     size = np.array(paths.blocks.size).reshape(2, 1, 1)
     corners = TILE * np.indices(tile_counts(paths.blocks.size))
     hidden = 0
-    for block, length in enumerate(np.diff(paths.blocks.edges)):
+    edges, burst = paths.blocks.edges.tolist(), paths.blocks.burst
+    for block, (start, stop) in enumerate(itertools.pairwise(edges)):
         in_view = False
         for track in paths.tracks:
             place = corners + track.nodes[block]
             in_view |= bool(((place > -TILE) & (place < size)).all(axis=0).any())
-        hidden += 0 if in_view else int(length)
+        hidden += 0 if in_view else burst.number_lit(range(start, stop))
     return hidden
 
 
@@ -318,4 +301,6 @@ def as_motion(paths: Paths, model: str) -> Motion:
         nodes, information = nodes.repeat(2, axis=1), information.repeat(2, axis=1)
         times = times[0] + np.arange(2.0)
     labels = np.searchsorted(used, paths.labels).astype(np.uint8)
+    if model == "segments" and len(used) == 1:
+        model = "affine"
     return Motion(nodes, labels, times, float(paths.reference), model, information)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.kept import kept_property
 from jotlight.motion.burst import Burst
+from jotlight.motion.dark_frames import as_spans
 from jotlight.motion.frame_times import Times, locate, places_of
 from jotlight.motion.jots import Jots, SeenJots
 from jotlight.motion.sums import Counts, Sums
@@ -28,6 +29,9 @@ _MIN_FRAMES = 4
 
 _CENTRAL = 32
 """Number of frames whose counts show how much light there is."""
+
+_MIN_SPAN = 4
+"""Number of successive blocks with light, from which on the motion may be searched among them."""
 
 _SAMPLES_PER_PIXEL = 4
 """Number of frames, per pixel of a motion, in which the jots that pixels see are looked up."""
@@ -72,7 +76,9 @@ class Blocks:
         """Return the same blocks with every nth frame, if these suffice to align them."""
         length = int(np.diff(self.edges).min())
         frames = max(_MIN_FRAMES, self.enough_frames(self.size[0] * self.size[1]))
-        return dataclasses.replace(self, step=max(1, length // frames))
+        fewer = dataclasses.replace(self, step=max(1, length // frames))
+        # A strobe may leave these frames dark, but not those between them.
+        return self if (self.is_lit & ~fewer.is_lit).any() else fewer
 
     def enough_frames(self, pixels: float) -> int:
         """Return the number of frames that show the motion of a number of pixels well."""
@@ -82,15 +88,42 @@ class Blocks:
 
     @property
     def middle(self) -> int:
-        """The middle frame. While a motion is estimated, displacements are 0 at this time."""
-        return len(self.burst) // 2
+        """The middle frame. While a motion is estimated, displacements are 0 at this time.
+
+        If some blocks have no light, it is the middle of the others, or as near to it as it is
+        between two of them.
+        """
+        lit = np.flatnonzero(self.is_lit)
+        if len(lit) in (0, len(self.is_lit)):
+            return len(self.burst) // 2
+        spans = as_spans(self.is_lit)
+        least = min(_MIN_SPAN, max(map(len, spans)))
+        middle = float(lit[len(lit) // 2])
+        places = [float(np.clip(middle, *_inside(span))) for span in spans if len(span) >= least]
+        nearest = min(places, key=lambda place: abs(place - middle))
+        return int(np.interp(nearest, np.arange(len(self.edges)), self.edges))
+
+    @property
+    def half(self) -> int:
+        """The number of frames around the middle that are available on each side."""
+        return min(self.middle, len(self.burst) - self.middle)
+
+    @kept_property
+    def is_lit(self) -> npt.NDArray[np.bool_]:
+        """Whether some counted frames of each block have light, (n,)."""
+        if self.burst.dark is None:
+            return np.ones(len(self.edges) - 1, bool)
+        return np.array(
+            [self.burst.number_lit(self.frames(block)) > 0 for block in range(len(self.edges) - 1)]
+        )
 
     @kept_property
     def mean_count(self) -> float:
         """Mean number of ones of a jot in a frame, from the frames in the middle."""
-        start = max(0, (len(self.burst) - _CENTRAL) // 2)
+        start = max(0, self.middle - _CENTRAL // 2)
         frames = range(start, min(start + _CENTRAL, len(self.burst)))
-        return float(self.burst.counts(frames, self.threads).mean()) / len(frames)
+        lit = max(1, self.burst.number_lit(frames))
+        return float(self.burst.counts(frames, self.threads).mean()) / lit
 
     @kept_property
     def centers(self) -> npt.NDArray[np.float64]:
@@ -142,25 +175,26 @@ class Blocks:
     ) -> SeenJots:
         """Return the jots that the pixels see."""
         fields = np.ascontiguousarray(fields, np.float32)
-        if not fields.any() or len(frames) == 0:
+        lit = np.asarray(frames)[self.burst.is_lit(frames)]
+        if not fields.any() or len(lit) == 0:
             return jots.at_rest(trials)
-        index, place = locate(np.array([frames[0], frames[len(frames) // 2], frames[-1]]), times)
+        index, place = locate(lit[[0, len(lit) // 2, -1]], times)
         ends = [
             fields[i] + np.float32(fraction) * (fields[i + 1] - fields[i])
             for i, fraction in zip(index, place, strict=True)
         ]
         path = float(abs(np.diff(ends, axis=0)).max(axis=(1, 2, 3)).sum())
-        number = min(len(frames), 1 + int(_SAMPLES_PER_PIXEL * path))
-        samples = (np.arange(number) + 0.5) * len(frames) / number
-        index, place = locate(np.asarray(frames)[samples.astype(int)], times)
+        number = min(len(lit), 1 + int(_SAMPLES_PER_PIXEL * path))
+        samples = (np.arange(number) + 0.5) * len(lit) / number
+        index, place = locate(lit[samples.astype(int)], times)
         tile = None if fields.shape[2:] == self.size else TILE
         return jots.along(trials, fields, tile, index + place, self.threads)
 
     def _count_moved(self, frames: range, fields: npt.NDArray[np.float32], times: Times) -> Sums:
         """Return the sums of one or more frames that move, without the jots that they see."""
         total = None
-        for part, planes in self.burst.parts(frames, self.channel):
-            places = places_of(part, tuple(np.asarray(times, np.float64).tolist()))
+        for part, is_lit, planes in self.burst.lit_parts(frames, self.channel):
+            places = places_of(part, tuple(np.asarray(times, np.float64).tolist()))[is_lit]
             for number, (weight, packed) in enumerate(planes):
                 sums = self._count_plane(packed, fields, places)
                 if weight > 1:
@@ -184,6 +218,8 @@ class Blocks:
         places: npt.NDArray[np.float64],
     ) -> Sums:
         """Return the sums of a plane of bits at some places between the fields."""
+        if len(packed) == 0:
+            return Sums.zeros(self.size)
         sums = Sums.empty(self.size, len(packed))
         engine.count_shifted(
             packed,
@@ -209,8 +245,8 @@ class Blocks:
     def _count_unmoved(self, spans: Sequence[range]) -> Sums:
         """Return the sums of spans of frames that stand still, without the jots that they see."""
         sums = Sums.zeros(self.size)
-        for _, planes in itertools.chain.from_iterable(
-            self.burst.parts(frames, self.channel) for frames in spans
+        for _, _, planes in itertools.chain.from_iterable(
+            self.burst.lit_parts(frames, self.channel) for frames in spans
         ):
             for weight, packed in planes:
                 target = sums.ones if weight == 1 else np.zeros_like(sums.ones)
@@ -219,7 +255,7 @@ class Blocks:
                 )
                 if weight > 1:
                     sums.ones += weight * target
-        frames = sum(map(len, spans))
+        frames = sum(map(self.burst.number_lit, spans))
         trials = np.int32(self.trials * frames)
         if self.valid is None:
             sums.trials += trials
@@ -227,3 +263,9 @@ class Blocks:
             sums.trials += trials * np.unpackbits(self.valid, axis=1, count=self.size[1])
         sums.frames = frames
         return sums
+
+
+def _inside(span: range) -> tuple[float, float]:
+    """Return the first and the last edge between blocks, or the middle of a single block."""
+    margin = min(1.0, len(span) / 2)
+    return span.start + margin, span.stop - margin

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.formats.capture import CountStack
+from jotlight.motion.dark_frames import as_spans
 from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import channel_views
@@ -18,8 +20,13 @@ from jotlight.sensing.sensor import Sensor
 Planes = list[tuple[int, npt.NDArray[np.uint8]]]
 """Weights, each with packed bits of weight 1 (T, H, ceil(W / 8)). Their weighted sum are counts."""
 
+Mask = npt.NDArray[np.bool_]
+
 _BYTES_AT_ONCE = 1 << 25
 """Maximum number of bytes of packed frames that are read at once."""
+
+_SIDE = 8
+"""Side of the squares whose ones the engine counts fastest."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +55,8 @@ class Burst:
     threshold: int = 1
     """q: the number of photons that make a jot report 1. A change of the light changes the ones
     as it does for this q."""
+    dark: Mask | None = None
+    """The frames without light, (T,), which are not counted, or None if all have light."""
 
     def __len__(self) -> int:
         return self.frames
@@ -65,6 +74,52 @@ class Burst:
             else:
                 each = [self.read(frame, frame + 1, channel) for frame in part]
                 yield part, _join(each)
+
+    def is_lit(self, frames: range) -> Mask | slice:
+        """Return which of some frames have light: an index of arrays over these frames."""
+        if self.dark is None:
+            return slice(None)
+        return ~self.dark[frames.start : frames.stop : frames.step]
+
+    def lit_parts(
+        self, frames: range, channel: int | None = None
+    ) -> Iterator[tuple[range, Mask | slice, Planes]]:
+        """Yield parts of frames as :meth:`parts`, with which are lit, and the planes of these."""
+        for part, planes in self.parts(frames, channel):
+            is_lit = self.is_lit(part)
+            yield part, is_lit, [(weight, packed[is_lit]) for weight, packed in planes]
+
+    def number_lit(self, frames: range) -> int:
+        """Return how many of some frames have light."""
+        lit = self.is_lit(frames)
+        return len(frames) if isinstance(lit, slice) else int(lit.sum())
+
+    @property
+    def dark_spans(self) -> list[range]:
+        """The spans of frames without light."""
+        return [] if self.dark is None else as_spans(self.dark)
+
+    @property
+    def box(self) -> tuple[int, int]:
+        """Number of rows and columns whose ones :meth:`ones` counts: almost all."""
+        side = _SIDE if min(self.size) >= _SIDE else 1
+        return self.size[0] // side * side, self.size[1] // side * side
+
+    def ones(
+        self, valid: npt.NDArray[np.uint8] | None, threads: int | None
+    ) -> npt.NDArray[np.int64]:
+        """Return the number of ones of each frame in the :attr:`box`, (T,), with a packed mask."""
+        height, width = self.box
+        side = _SIDE if height % _SIDE == width % _SIDE == 0 else 1
+        box = slice(0, height), slice(0, -(-width // 8))
+        total = np.zeros(self.frames, np.int64)
+        for part, planes in self.parts(range(self.frames)):
+            counts = np.zeros((len(part), height // side, width // side), np.int32)
+            for weight, packed in planes:
+                counted = packed[:, *box] if valid is None else packed[:, *box] & valid[box]
+                engine.add_counts_of_blocks(counted, width, side, 0, 1, weight, counts, threads)
+            total[part.start : part.stop] = counts.sum(axis=(1, 2))
+        return total
 
     def counts(self, frames: range, threads: int | None) -> npt.NDArray[np.int32]:
         """Return the counts of frames without motion, (H, W)."""

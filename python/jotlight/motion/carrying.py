@@ -9,13 +9,14 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.affine import (
     SIGMAS,
     extrapolate,
+    find_after_gap,
     improve_against,
     improve_block,
     improve_inside,
     template_and_agreement,
     template_of,
 )
-from jotlight.motion.align import as_blocks, prepare_burst
+from jotlight.motion.align import prepare_burst
 from jotlight.motion.block_edges import window_edges
 from jotlight.motion.depth import refine_outlines
 from jotlight.motion.merge import as_paths
@@ -23,6 +24,7 @@ from jotlight.motion.motion import Motion
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import normal_equations
+from jotlight.motion.sensor_blocks import as_blocks
 from jotlight.motion.tile_updates import improve_tiles, improve_tiles_together
 from jotlight.motion.tiles import affine_inverse, tile_counts
 from jotlight.motion.track import Paths, Track
@@ -53,8 +55,8 @@ def carry(
     Returns
     -------
     Paths or None
-        None if a scene that stood still begins to move, or if nothing stays in view, as after a cut
-        to another scene, or if the motion folds the image.
+        None if a scene that stood still begins to move, if nothing stays in view, as after a cut to
+        another scene, if the motion folds the image, or if all known blocks are dark.
     """
     burst, sensor = prepare_burst(data, sensor)
     blocks = as_blocks(burst, window_edges(len(burst), step), sensor, threads)
@@ -71,6 +73,8 @@ def carry(
         return None
     # Edges are rounded, so centers differ by up to half a frame.
     known = blocks.centers <= before.times[-1] + 0.5
+    if not (known & blocks.is_lit).any():
+        return None
     if motion.model == "none":
         return None if _begins_to_move(paths.tracks[0], known) else paths
     _add_blocks(paths, known, has_tiles=motion.model == "tiles")
@@ -116,6 +120,7 @@ def _add_blocks_of_track(track: Track, known: npt.NDArray[np.bool_], *, is_of_ti
     template, weights = template_and_agreement(track)
     for block in np.flatnonzero(~known):
         extrapolate(track, int(block), velocity)
+        find_after_gap(track, int(block), template, everywhere)
         for sigma in SIGMAS:
             if is_of_tiles:
                 improve_tiles(track, int(block), template, sigma)

@@ -75,7 +75,7 @@ def estimate_probability(sums: Sums) -> Image:
 
 
 def flatten_counts(
-    counts: npt.NDArray[np.int32], trials: int, side: int, jots: Jots
+    counts: npt.NDArray[np.int32], trials: int | npt.NDArray[np.integer], side: int, jots: Jots
 ) -> npt.NDArray[np.int32]:
     """Return counts of blocks at rest (n, h, w) without the pattern of the jots.
 
@@ -86,7 +86,7 @@ def flatten_counts(
     ----------
     counts : ndarray of int32, shape (n, h, w)
         Number of ones in squares of jots.
-    trials : int
+    trials : int or ndarray of int, shape (n,)
         Number of readings of each jot in a block.
     side : int
         Side of a square.
@@ -96,13 +96,14 @@ def flatten_counts(
     height, width = (side * length for length in counts.shape[1:])
     *maps, number = (add_squares(values, side) for values in jots.maps[:, :height, :width])
     seen = SeenJots(jots, np.stack(maps))
-    ones = counts.sum(axis=0, dtype=np.float32) / np.float32(len(counts) * trials)
+    trials = np.broadcast_to(trials, len(counts))
+    ones = counts.sum(axis=0, dtype=np.float32) / np.float32(max(1, trials.sum()))
     near = SeenJots(jots, np.stack([_box(values) for values in maps]))
     probability = _estimate(_box(ones), _box(number), near)
     expected, slope = seen.response(number, probability)
     gain = side**2 / np.maximum(number, 1) / slope * (number > 0)
-    offset = trials * (side**2 * probability - gain * number * expected)
-    equivalent = counts * gain + offset
+    offset = side**2 * probability - gain * number * expected
+    equivalent = counts * gain + trials[:, None, None] * offset
     scale = _LARGEST_COUNT / max(float(abs(equivalent).max()), 1e-9)
     return np.rint(scale * equivalent).astype(np.int32)
 

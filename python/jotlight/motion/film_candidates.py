@@ -6,7 +6,7 @@ from functools import partial
 
 from jotlight.errors import hide_warnings, record_warnings
 from jotlight.formats.capture import CountStack
-from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
+from jotlight.motion.align import as_motion, find_motion, prepare_burst, seen_from
 from jotlight.motion.block_edges import block_edges
 from jotlight.motion.carrying import carry
 from jotlight.motion.consistency import CLEARLY_MORE
@@ -17,8 +17,10 @@ from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
+from jotlight.motion.sensor_blocks import as_blocks, hot_jots
 from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,31 +61,37 @@ class Candidates:
     def carried(self, motion: Motion, step: int) -> Candidate | None:
         """Return the image along the motion of the window that began `step` frames before.
 
-        Return None if this motion is lost.
+        Return None if this motion is lost, or folds the image at the time that is shown.
         """
         paths = self._carry(motion, step)
         if paths is None:
             return None
-        return self._merged(paths, as_motion(paths, motion.model), is_carried=True)
+        motion = as_motion(paths, motion.model)
+        with record_warnings() as texts:
+            shown = self._shown(motion)
+        return None if texts else self._merged(paths, motion, shown, is_carried=True)
 
     def fresh(self) -> Candidate:
         """Return the image along a motion that is estimated from the window alone."""
-        sensor, threads = self.merging.sensor, self.settings.threads
+        sensor = self.merging.sensor
         with record_warnings() as texts:
-            motion = align(self.window, sensor, model=self.settings.model, threads=threads)
-        found = self._merged(self._along(motion), motion, is_carried=False)
+            motion = self._aligned(self.window, sensor)
+            shown = self._shown(motion)
+        if shown.model != motion.model:
+            motion = shown  # a wrong motion is not carried on
+        found = self._merged(self._along(motion), motion, shown, is_carried=False)
         return dataclasses.replace(found, warnings=[*texts, *found.warnings])
 
     def of_more_frames(self, frames: Bits | CountStack, first: int) -> Candidate | None:
         """Return the image along the motion in more frames, from number `first` on.
 
-        Return None if the window contradicts this motion.
+        Return None if the window contradicts this motion, or if it folds the image.
         """
-        settings, offset = self.settings, self.start - first
+        offset = self.start - first
         sensor = self.merging.sensor
         sensor = sensor.replace(frames=sensor.frames * len(frames) // len(self.window))
         with hide_warnings():
-            motion = align(frames, sensor, model=settings.model, threads=settings.threads)
+            motion = self._aligned(frames, sensor)
         motion = dataclasses.replace(
             motion, times=motion.times - offset, reference=motion.reference - offset
         )
@@ -92,7 +100,9 @@ class Candidates:
         if paths is None:
             return None
         motion = as_motion(paths, motion.model)
-        return self._merged(self._along(motion), motion, is_carried=False)
+        with record_warnings() as texts:
+            shown = self._shown(motion)
+        return None if texts else self._merged(self._along(motion), motion, shown, is_carried=False)
 
     def explains_more(self, one: Candidate, other: Candidate) -> bool:
         """Return whether the motion of one image explains the window better than that of another.
@@ -116,6 +126,14 @@ class Candidates:
         """Return the paths of a motion that is continued to the end of the window, or None."""
         return carry(motion, self.window, self.merging.sensor, step, self.settings.threads)
 
+    def _aligned(self, frames: Bits | CountStack, sensor: Sensor) -> Motion:
+        """Return the motion of some frames, as seen from their middle.
+
+        The film itself reports dark frames, by their numbers in the film.
+        """
+        model, threads, middle = self.settings.model, self.settings.threads, len(frames) // 2
+        return find_motion(frames, sensor, middle, model, threads, lambda _: None).motion
+
     def _along(self, motion: Motion) -> Paths:
         """Return the paths of a new motion.
 
@@ -126,9 +144,19 @@ class Candidates:
         blocks = as_blocks(burst, block_edges(len(burst)), sensor, self.settings.threads)
         return as_paths(motion, blocks)
 
-    def _merged(self, paths: Paths, motion: Motion, *, is_carried: bool) -> Candidate:
-        """Return the image along paths, which are those of a motion seen from the middle."""
-        shown, paths = _seen_from_end(motion, paths) if self.settings.causal else (motion, paths)
+    def _shown(self, motion: Motion) -> Motion:
+        """Return a motion as seen from the time of the image."""
+        return seen_from(motion, float(len(self.window) - 1)) if self.settings.causal else motion
+
+    def _merged(
+        self, paths: Paths, motion: Motion, shown: Motion, *, is_carried: bool
+    ) -> Candidate:
+        """Return the image along paths, which are those of a motion.
+
+        It is also `shown` as seen from the time of the image.
+        """
+        if shown is not motion:
+            paths = as_paths(shown, paths.blocks)
         paths = self._with_hot_jots(paths, shown)
         # Merging changes the memory, and other candidates need the one before.
         memory = copy.copy(self.memory)
@@ -153,14 +181,3 @@ class Candidates:
         return as_paths(
             motion, as_blocks(blocks.burst, blocks.edges, sensor, threads, with_hot_jots=True)
         )
-
-
-def _seen_from_end(motion: Motion, paths: Paths) -> tuple[Motion, Paths]:
-    """Return a motion as seen from the last frame, and its paths."""
-    try:
-        motion = motion.seen_from(float(len(paths.blocks.burst) - 1))
-    except ValueError:
-        # A wrong motion may fold the image, so that its displacements have no bounds. The image
-        # then shows the middle of the window.
-        return motion, paths
-    return motion, as_paths(motion, paths.blocks)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jotlight.formats.capture import CountStack, jot_shape
-from jotlight.motion.align import excluded_jots, prepare_burst
+from jotlight.motion.align import prepare_burst
 from jotlight.motion.block_edges import window_edges
 from jotlight.motion.film_frames import FilmFrames
 from jotlight.motion.film_image import FilmImage
@@ -17,6 +17,7 @@ from jotlight.motion.jot_kinds import frames_of_kinds, join_kinds, sensors_of_ki
 from jotlight.motion.merge import check_upsample, paths_along
 from jotlight.motion.mosaic_colors import check_mergeable
 from jotlight.motion.motion import Motion
+from jotlight.motion.sensor_blocks import excluded_jots
 from jotlight.motion.squares import Counts, JotSquares, enlarge_motion, trials_of_frame
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged

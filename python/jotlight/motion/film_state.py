@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from jotlight.errors import warn
+from jotlight.motion.dark_frames import report_dark
 from jotlight.motion.film_candidates import Candidate, Candidates
 from jotlight.motion.film_frames import FilmFrames
 from jotlight.motion.film_image import FilmImage
@@ -47,6 +48,8 @@ class FilmState:
         self._motion: Motion | None = None
         """The motion of the last window, as seen from its middle, unless merging rejected it."""
         self._memory = settings.new_memory()
+        self._reported = 0
+        """The number of the first frame from which on a span of dark frames is a new one."""
 
     def next_image(self, known: FilmFrames, start: int) -> FilmImage:
         """Return the image of the window that begins at frame `start`.
@@ -74,6 +77,7 @@ class FilmState:
             best = _first_better(attempts, best, candidates)
         schedule.add(best, is_compared=fresh is not None)
         self._carry_on(best)
+        self._report_dark(best)
         return best.image
 
     def _carried(self, candidates: Candidates) -> Candidate | None:
@@ -95,6 +99,15 @@ class FilmState:
             self._motion = None
             if self._memory is not None:
                 self._memory.forget()
+
+    def _report_dark(self, shown: Candidate) -> None:
+        """Warn about dark frames, unless they continue a span that was reported."""
+        burst, first = shown.paths.blocks.burst, shown.image.start
+        dark = [range(first + span.start, first + span.stop) for span in burst.dark_spans]
+        new = [span for span in dark if span.start >= self._reported]
+        report_dark(new, end=first + len(burst))
+        if dark:
+            self._reported = max(self._reported, dark[-1].stop + 1)
 
 
 def _first_better(

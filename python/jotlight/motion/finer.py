@@ -99,6 +99,7 @@ def _fine_blocks(blocks: Blocks) -> Blocks:
         burst.color,
         4 * burst.frame_bytes,
         read,
+        dark=burst.dark,
     )
     valid = fine_frames(valid[None], width)[0]
     return dataclasses.replace(blocks, burst=fine, valid=valid, jots=jots, step=1)

@@ -45,7 +45,8 @@ def likelihood_gain(paths: Counted, make: Make = make_template) -> float:
         unmoved.append(blocks.count_unmoved(frames))
         in_view = np.zeros(blocks.size, np.float32)[::_STEP, ::_STEP]
         for block, counted in zip(every_second, frames, strict=True):
-            in_view += np.float32(len(counted)) * _positions_seen(paths, block)
+            lit = np.float32(blocks.burst.number_lit(counted))
+            in_view += lit * _positions_seen(paths, block)
         seen.append(in_view)
     every = equivalent_sums(unmoved[0] + unmoved[1])
     mean = float(np.clip(every.ones.sum() / max(float(every.trials.sum()), 1), 1e-9, 1 - 1e-9))

@@ -9,17 +9,12 @@ import numpy.typing as npt
 from jotlight.checks import whole_number_in_range
 from jotlight.errors import warn
 from jotlight.formats.capture import CountStack, jot_shape
-from jotlight.motion.align import (
-    as_blocks,
-    find_motion,
-    hot_jots,
-    prepare_burst,
-    reference_time,
-)
+from jotlight.motion.align import find_motion, prepare_burst, reference_time
 from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import MIN_ACCEPTED, Consistent, find_consistent
+from jotlight.motion.dark_frames import report_dark
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, flags_of_image, is_unclear
@@ -29,6 +24,7 @@ from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds, join_kinds, se
 from jotlight.motion.merged_pixels import MergedAlong, as_fine, as_merged
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
+from jotlight.motion.sensor_blocks import as_blocks, hot_jots
 from jotlight.motion.still_window import find_window, report_window
 from jotlight.motion.stricter_test import select_bits
 from jotlight.motion.sums import Sums
@@ -107,7 +103,8 @@ def merge(
     -----
     JotlightWarning
         When bits that were held out do not show that the merged image is better than a short
-        window without motion. That window is then returned.
+        window without motion. That window is then returned. Also when frames are dark, as for
+        :func:`jotlight.align`. Dark frames are not counted.
 
     Examples
     --------
@@ -130,20 +127,23 @@ def merge(
     with shown_progress(progress, "merging") as update:
         consistent = None
         if motion is None:
-            motion, consistent = find_motion(
+            found = find_motion(
                 data, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
             )
+            motion, consistent = found.motion, found.consistent
             update(_ALIGNING, "merging")
         check_motion(motion, bursts[0][0].size, len(data))
         if at is not None and reference_time(at, data) != motion.reference:
             motion, consistent = motion.seen_from(at), None
+        time = motion.reference
         if converted is not None:
             motion = converted.in_cycles(motion)
         if of_kinds is None:
-            merged = _merge(*bursts[0], motion, consistent, upsample, threads)
+            merged, dark = _merge(*bursts[0], motion, consistent, upsample, threads)
         else:
-            merged = _merge_kinds(bursts, *of_kinds, motion, threads)
+            merged, dark = _merge_kinds(bursts, *of_kinds, motion, threads)
         update(1.0)
+    report_dark(dark if converted is None else converted.frames_of(dark), time)
     return merged if converted is None else converted.correct(merged)
 
 
@@ -154,12 +154,16 @@ def _merge(
     consistent: Consistent | None,
     upsample: int,
     threads: int | None,
-) -> Merged:
-    """Return the counts along a motion. The sums along it are computed if they are not given."""
+) -> tuple[Merged, list[range]]:
+    """Return the counts along a motion, and the spans of dark frames.
+
+    The sums along the motion are computed if they are not given.
+    """
     paths = paths_along(burst, sensor, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
-    return merge_along(paths, motion, sensor, consistent, upsample).merged
+    merged = merge_along(paths, motion, sensor, consistent, upsample).merged
+    return merged, paths.blocks.burst.dark_spans
 
 
 def _bursts_of_kinds(data: Bits | CountStack, sensor: Sensor) -> list[tuple[Burst, Sensor]]:
@@ -177,24 +181,25 @@ def _merge_kinds(
     sensor: Sensor,
     motion: Motion,
     threads: int | None,
-) -> Merged:
-    """Return the counts along the motion from all kinds of jots, joined.
+) -> tuple[Merged, list[range]]:
+    """Return the counts along the motion from all kinds of jots, and the spans of dark frames.
 
     They are never those of a window without motion, which might differ from kind to kind.
     """
-    merged = []
+    merged, dark = [], []
     for burst, own in bursts:
         paths = paths_along(burst, own, motion, threads)
         merged.append(merge_along(paths, motion, own, may_stand_still=False).merged)
+        dark = paths.blocks.burst.dark_spans
     joined = join_kinds(merged, sensor, threads)
     if motion.model == "none":
         if sensor.mosaic is None:
-            return count_still(data, sensor, joined, threads)
+            return count_still(data, sensor, joined, threads), []
         warn(
             "the scene stands still, so each pixel was seen through one filter alone; reconstruct "
             "the bits in place of merged counts"
         )
-    return joined
+    return joined, dark
 
 
 def paths_along(

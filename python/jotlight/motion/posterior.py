@@ -14,8 +14,8 @@ _MAX_ERROR = 100.0
 def posterior_error(motion: Motion) -> npt.NDArray[np.float32]:
     """Return the standard deviation of the displacement of each jot, (H, W), in jots.
 
-    It is √(½ tr A⁻¹) with the information A of a tile in one block, averaged over the blocks. All
-    blocks and tiles together are more precise. It is 0 if nothing moves.
+    It is √(½ tr A⁻¹) with the information A of a tile in one block, averaged over the blocks with
+    light. All blocks and tiles together are more precise. It is 0 if nothing moves.
     """
     height, width = motion.size
     if motion.model == "none":
@@ -25,6 +25,10 @@ def posterior_error(motion: Motion) -> npt.NDArray[np.float32]:
     with np.errstate(divide="ignore", invalid="ignore"):
         variance = (rows + columns) / (2 * determinant)
     variance = np.where(variance < _MAX_ERROR**2, variance, _MAX_ERROR**2)
-    error = np.sqrt(variance.mean(axis=1)).astype(np.float32)
+    # Blocks without light have no information at all.
+    is_lit = np.any(motion.information != 0, axis=(2, 3, 4))
+    is_lit |= ~is_lit.any(axis=1, keepdims=True)
+    weights = np.broadcast_to(is_lit[:, :, None, None], variance.shape)
+    error = np.sqrt(np.average(variance, axis=1, weights=weights)).astype(np.float32)
     jots = error.repeat(TILE, axis=1).repeat(TILE, axis=2)[:, :height, :width]
     return choose(motion.labels, list(jots))

@@ -285,6 +285,10 @@ class ReadingCounts:
             reference=(motion.reference - self.middle) / self.cycle,
         )
 
+    def frames_of(self, cycles: list[range]) -> list[range]:
+        """Return spans of cycles as spans of frames."""
+        return [range(self.cycle * span.start, self.cycle * span.stop) for span in cycles]
+
     def in_frames(self, motion: Motion) -> Motion:
         """Return a motion of counts as that of frames. The inverse of :meth:`in_cycles`."""
         return dataclasses.replace(

@@ -123,7 +123,7 @@ def find_segments(blocks: Blocks, *, is_slow: bool = False) -> list[list[Segment
         Whether the energies are those of all frames, which differ more if parts move slowly.
         Otherwise, they are those of the central half, because velocities change.
     """
-    half = blocks.middle
+    half = blocks.half
     scene = _Scene(blocks, max(1, half if is_slow else half // 2))
     candidates = [
         _Candidate(velocity, _energy(scene, velocity)) for velocity in find_velocities(blocks)
@@ -275,7 +275,7 @@ def refine_velocity(blocks: Blocks, field: Array, weights: Array) -> Array:
     middle = blocks.middle
     most = _ENOUGH * blocks.enough_frames(TILE**2 * float(weights.sum()))
     for fraction, sigmas in _ROUNDS:
-        half = min(max(_MIN_FRAMES, len(blocks.burst) // fraction), middle)
+        half = min(max(_MIN_FRAMES, len(blocks.burst) // fraction), blocks.half)
         for sigma in sigmas:
             before, after = (
                 count_at_velocity(blocks, frames, field, most)

@@ -213,5 +213,8 @@ class Paths:
 
 
 def from_center(paths: Counted) -> npt.NDArray[np.intp]:
-    """Return the blocks in the order of their distance from the reference time."""
-    return np.argsort(abs(paths.blocks.centers - paths.reference), kind="stable")
+    """Return the blocks in the order of their distance from the reference time.
+
+    Those without light are the last ones.
+    """
+    return np.lexsort((abs(paths.blocks.centers - paths.reference), ~paths.blocks.is_lit))

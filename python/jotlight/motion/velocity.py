@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Blocks
-from jotlight.motion.burst import Burst
 from jotlight.motion.equivalent import flatten_counts
 from jotlight.motion.jots import Jots
 from jotlight.motion.rotation import find_rotation
@@ -50,8 +49,8 @@ def find_velocities(blocks: Blocks) -> Array:
     size, threads, pattern = blocks.size, blocks.threads, blocks.pattern
     places = tile_centers(size) - (np.array(size).reshape(2, 1, 1) - 1) / 2
     found = [np.zeros_like(places)]
-    for length in _lengths(blocks.middle):
-        counts = _count_blocks(blocks.burst, length, threads, pattern)
+    for length in _lengths(blocks.half):
+        counts = _count_blocks(blocks, length, pattern)
         frames = length * len(counts)
         for velocity, matrix in _peaks(counts, length, threads):
             field = velocity[:, None, None] + np.tensordot(matrix, places, axes=1)
@@ -77,17 +76,15 @@ def _lengths(available: int) -> list[int]:
     return lengths
 
 
-def _count_blocks(
-    burst: Burst, length: int, threads: int | None, jots: Jots | None = None
-) -> Counts:
-    """Return the counts of blocks around the middle frame, in squares of pixels, (n, h, w).
+def _count_blocks(blocks: Blocks, length: int, jots: Jots | None = None) -> Counts:
+    """Return the counts of parts around the middle frame, in squares of pixels, (n, h, w).
 
     The rest at the right and at the bottom is left out. The pattern of `jots`, which stands still,
     is left out, too.
     """
-    middle = len(burst) // 2
-    number = min(MAX_BLOCKS, 2 * (middle // length))
-    start = middle - number // 2 * length
+    burst, threads = blocks.burst, blocks.threads
+    number = min(MAX_BLOCKS, 2 * (blocks.half // length))
+    start = blocks.middle - number // 2 * length
     side = BIN if min(burst.size) > BIN else 1
     height, width = burst.size[0] // side, burst.size[1] // side
     counts = np.zeros((number, height, width), np.int32)
@@ -107,7 +104,11 @@ def _count_blocks(
                 counts[block:],
                 threads,
             )
-    return counts if jots is None else flatten_counts(counts, length * burst.trials, side, jots)
+    if jots is None:
+        return counts
+    starts = range(start, start + number * length, length)
+    lit = [burst.number_lit(range(first, first + length)) for first in starts]
+    return flatten_counts(counts, burst.trials * np.array(lit), side, jots)
 
 
 def _peaks(blocks: Counts, length: int, threads: int | None) -> Iterator[tuple[Array, Array]]:
