@@ -27,7 +27,8 @@ def moved(displacements, *, labels=None, reference=16.0):
     labels = np.zeros(SIZE, np.uint8) if labels is None else labels
     information = np.ones((len(displacements), 2, 3, *tile_counts(SIZE)), np.float32)
     times = np.array([reference - 8, reference])
-    return Motion(nodes, labels, times, reference, "segments", information)
+    model = "segments" if len(displacements) > 1 else "affine"
+    return Motion(nodes, labels, times, reference, model, information)
 
 
 def sums_of(probability, trials=32, rng=0):

@@ -114,6 +114,32 @@ BAD = {
         {"nodes": np.full((2, 4, 2, 3, 5), 2e5, np.float32)},
         "up to 100000 jots, got 200000",
     ),
+    "negative information": (
+        {"information": np.full((2, 4, 3, 3, 5), -1, np.float32)},
+        "information: expected that for rows and for columns to be 0 or more, got -1",
+    ),
+    "several fields of one motion": (
+        {"model": "affine"},
+        "expected one field for the model 'affine'",
+    ),
+    "segments with one field": (
+        {
+            "model": "segments",
+            "nodes": np.zeros((1, 4, 2, 3, 5), np.float32),
+            "information": np.zeros((1, 4, 3, 3, 5), np.float32),
+            "labels": np.zeros((40, 70), np.uint8),
+        },
+        "expected 2 fields or more for the model 'segments', got 1",
+    ),
+    "a motion of what stands still": (
+        {
+            "model": "none",
+            "nodes": np.full((1, 4, 2, 3, 5), 24, np.float32),
+            "information": np.zeros((1, 4, 3, 3, 5), np.float32),
+            "labels": np.zeros((40, 70), np.uint8),
+        },
+        "expected displacements of 0 for the model 'none', got up to 24 jots",
+    ),
     "an infinite time": ({"reference": np.inf}, "reference: expected a finite time"),
     "another model": ({"model": "flow"}, "model: expected one of none, affine, segments, tiles"),
     "labels of fields that are missing": (
@@ -206,6 +232,14 @@ HOSTILE = {
     "deep": lambda tensors, metadata: (tensors, {**metadata, "reference": 100_000 * "["}),
     "no json": lambda tensors, metadata: (tensors, {**metadata, "reference": "{"}),
     "another model": lambda tensors, metadata: (tensors, {**metadata, "model": "flow"}),
+    "one motion with several fields": lambda tensors, metadata: (
+        tensors,
+        {**metadata, "model": "affine"},
+    ),
+    "negative information": lambda tensors, metadata: (
+        {**tensors, "information": -tensors["information"]},
+        metadata,
+    ),
     "no model": lambda tensors, metadata: (tensors, without(metadata, "model")),
 }
 

@@ -113,9 +113,10 @@ def constant_motion(shifts, size, times, reference, model="affine"):
     from jotlight.motion.tiles import tile_counts
 
     rows, columns = tile_counts(size)
-    nodes = np.zeros((1, len(times), 2, rows, columns), np.float32)
+    fields = 2 if model == "segments" else 1
+    nodes = np.zeros((fields, len(times), 2, rows, columns), np.float32)
     nodes += np.asarray(shifts, np.float32)[None, :, :, None, None]
-    information = np.zeros((1, len(times), 3, rows, columns), np.float32)
+    information = np.zeros((fields, len(times), 3, rows, columns), np.float32)
     information[:, :, [0, 2]] = 100
     labels = np.zeros(size, np.uint8)
     return jl.Motion(nodes, labels, np.asarray(times, float), float(reference), model, information)

@@ -43,6 +43,14 @@ MAX_DISPLACEMENT = np.float32(1e5)
 _MAX_FIELDS = 256
 """Maximum number of fields, so that labels are bytes."""
 
+_FIELDS = {
+    "none": (1, 1),
+    "affine": (1, 1),
+    "segments": (2, _MAX_FIELDS),
+    "tiles": (1, _MAX_FIELDS),
+}
+"""Minimum and maximum number of fields of each model."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Motion:
@@ -73,7 +81,7 @@ class Motion:
     Raises
     ------
     ValueError
-        When the parts do not fit together, or are not finite.
+        When the parts do not fit together or do not fit the model, or are not finite.
 
     Examples
     --------
@@ -135,6 +143,26 @@ class Motion:
         if not np.isfinite(self.reference):
             raise ValueError(f"reference: expected a finite time, got {self.reference}")
         check_choice("model", self.model, MODELS)
+        self._check_model()
+
+    def _check_model(self) -> None:
+        """Raise ValueError for what no motion of the model has."""
+        if self.information[:, :, [0, 2]].min() < 0:
+            raise ValueError(
+                "information: expected that for rows and for columns to be 0 or more, got "
+                f"{self.information[:, :, [0, 2]].min():g}"
+            )
+        fields, needed = len(self.nodes), _FIELDS[self.model]
+        if not needed[0] <= fields <= needed[1]:
+            expected = "one field" if needed[1] == 1 else f"{needed[0]} fields or more"
+            raise ValueError(
+                f"nodes: expected {expected} for the model {self.model!r}, got {fields}"
+            )
+        if self.model == "none" and self.nodes.any():
+            raise ValueError(
+                "nodes: expected displacements of 0 for the model 'none', got up to "
+                f"{abs(self.nodes).max():g} jots"
+            )
 
     @property
     def size(self) -> tuple[int, int]:
