@@ -16,6 +16,7 @@ from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst, refuse_pixels
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.dark_frames import report_dark
+from jotlight.motion.fast_motion import find_fast_motion, report_fast_motion
 from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
@@ -144,6 +145,11 @@ def find_motion(
         warn(
             f"what the image shows is out of view in {hidden} of {len(burst)} frames, which are "
             "not used; take a shorter part of the burst, or another time `at`"
+        )
+    if blocks.burst.number_lit(range(len(burst))) >= MIN_FRAMES:
+        length = len(burst) / len(blocks.centers)
+        report_fast_motion(
+            find_fast_motion(found.paths, found.consistent and found.consistent.total), length
         )
     motion, dark = as_motion(found.paths, found.model), blocks.burst.dark_spans
     if time != motion.reference:
