@@ -86,7 +86,7 @@ def align(
         When the motion cannot be estimated, because there are fewer than 16 frames or because all
         bits are equal. The scene is then assumed to stand still. Also when the scene moves so far
         that some frames show nothing of the image at the reference time, and when frames are dark:
-        when they have less than 1/16 of the mean light. Dark frames are not used.
+        when they have less than 1/8 of the mean light. Dark frames are not used.
 
     Notes
     -----
@@ -135,8 +135,8 @@ def find_motion(
     check_choice("model", model, ("auto", *MODELS))
     time = reference_time(at, burst)
     blocks = as_blocks(burst, block_edges(len(burst)), sensor, threads)
-    if at is None and not blocks.burst.number_lit(range(len(burst) // 2, len(burst) // 2 + 1)):
-        time = blocks.middle
+    if at is None:
+        time = _lit_time(blocks)
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"
@@ -147,10 +147,9 @@ def find_motion(
             "not used; take a shorter part of the burst, or another time `at`"
         )
     if blocks.burst.number_lit(range(len(burst))) >= MIN_FRAMES:
+        total = None if found.consistent is None else found.consistent.total
         length = len(burst) / len(blocks.centers)
-        report_fast_motion(
-            find_fast_motion(found.paths, found.consistent and found.consistent.total), length
-        )
+        report_fast_motion(find_fast_motion(found.paths, total), length)
     motion, dark = as_motion(found.paths, found.model), blocks.burst.dark_spans
     if time != motion.reference:
         return FoundMotion(seen_from(motion, time), None, dark)
@@ -260,6 +259,15 @@ def reference_time(at: float | None, burst: Sized) -> float:
     if not 0 <= real_number(at) <= len(burst) - 1:
         raise ValueError(f"at: expected a time from 0 to {len(burst) - 1} in frames, got {at!r}")
     return at
+
+
+def _lit_time(blocks: Blocks) -> int:
+    """Return the middle frame, or if this is dark, a lit frame near the middle of the others."""
+    middle, dark = len(blocks.burst) // 2, blocks.burst.dark
+    if dark is None or not dark[middle]:
+        return middle
+    lit = np.flatnonzero(~dark)
+    return int(lit[abs(lit - blocks.middle).argmin()])
 
 
 def _unusable(blocks: Blocks) -> str | None:

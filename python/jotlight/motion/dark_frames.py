@@ -11,13 +11,14 @@ from jotlight.errors import warn
 
 Frames = npt.NDArray[np.bool_]
 
-_DARK = 1 / 16
+_DARK = 1 / 8
 """A frame is dark if it has less than this fraction of the mean light of all frames."""
 
-_CLEAR = 6.0
+_CLEAR = 12.0
 """Number of standard deviations by which the mean light must exceed the limit.
 
-Of frames with less light, several successive ones are tested together.
+Of frames with less light, several successive ones are tested together. By a lower number, dim
+frames of a flicker would be dark by chance.
 """
 
 _LISTED = 3

@@ -3,7 +3,8 @@
 An alignment finds a displacement for each block of frames. If the scene vibrates or jitters within
 blocks, the image is blurred, and nothing else shows it. So some blocks are divided into parts of
 one frame, of four, and so on. The translation of each part, relative to the template of all frames,
-has noise of a known size. Additional differences between the parts of a block are fast motion.
+has noise of a known size. Further deviations from a constant velocity within a block are fast
+motion.
 """
 
 import math
@@ -21,6 +22,9 @@ Array = npt.NDArray[np.float64]
 _MIN_DEVIATION, _MIN_CLEAR = 0.5, 10.0
 """Fast motion is reported if its standard deviation exceeds this number of pixels, and its χ² that
 of noise by this number of standard deviations."""
+
+_OFTEN = 0.75
+"""Minimum fraction of the blocks in which there is fast motion. A single jump is none."""
 
 _SIGMA = 2.0
 """Width of the filter, which shows displacements of a few pixels."""
@@ -58,7 +62,7 @@ def find_fast_motion(paths: Paths, total: Sums | None) -> float:
     chosen = lit[np.unique(((np.arange(number) + 0.5) * len(lit) / number).astype(int))]
     found, length = 0.0, 1
     longest = int(np.diff(track.blocks.edges).max())
-    while 2 * length <= longest:
+    while 3 * length <= longest:
         found = max(found, _deviation(track, template, chosen, length))
         length *= _FACTOR
     return found
@@ -78,35 +82,45 @@ def _deviation(
     track: Track, template: Template, blocks: npt.NDArray[np.intp], length: int
 ) -> float:
     """Return the standard deviation of parts of a length within blocks, or 0 if it is not clear."""
-    excess, freedom, information = 0.0, 0, 0.0
+    each, freedom, information = [], 0, 0.0
     for block in blocks:
-        matrices, right = _equations(track, template, int(block), length)
-        total = matrices.sum(axis=0)
-        if len(matrices) < 2 or np.linalg.matrix_rank(total, hermitian=True) < 2:
+        times, matrices, right = _equations(track, template, int(block), length)
+        if len(times) < 3:
             continue
-        mean = np.linalg.solve(total, right.sum(axis=0))
-        # With the translations e = A⁻¹ b of the parts, this is Σ (e - mean)ᵀ A (e - mean).
-        residuals = right - matrices @ mean
+        # The translations of the parts are linear in time, as those of a slow motion.
+        design = np.kron(np.stack([np.ones_like(times), times], axis=1), np.eye(2))
+        design = design.reshape(len(times), 2, 4)
+        total = np.einsum("nia,nij,njb->ab", design, matrices, design)
+        line = design @ (np.linalg.pinv(total) @ np.einsum("nia,ni->a", design, right))
+        # With the translations e = A⁻¹ b of the parts, this is Σ (e - line)ᵀ A (e - line).
+        residuals = right - np.einsum("nij,nj->ni", matrices, line)
         inverses = np.linalg.pinv(matrices, hermitian=True)
-        excess += float(np.einsum("ni,nij,nj->", residuals, inverses, residuals))
-        freedom += 2 * (len(matrices) - 1)
-        information += float(np.trace(total)) * (1 - 1 / len(matrices))
-    excess -= freedom
-    if excess <= _MIN_CLEAR * math.sqrt(2 * freedom):
+        own = 2 * (len(times) - 2)
+        each.append(float(np.einsum("ni,nij,nj->", residuals, inverses, residuals)) - own)
+        freedom += own
+        information += float(np.trace(matrices.sum(axis=0))) * (1 - 2 / len(times))
+    excess, often = sum(each), sum(part > 0 for part in each)
+    if excess <= _MIN_CLEAR * math.sqrt(2 * freedom) or often < _OFTEN * len(each):
         return 0.0
     deviation = math.sqrt(excess / information)
     return deviation if deviation > _MIN_DEVIATION else 0.0
 
 
-def _equations(track: Track, template: Template, block: int, length: int) -> tuple[Array, Array]:
-    """Return A, (n, 2, 2), and b, (n, 2), of the translations of the lit parts of a block."""
+def _equations(
+    track: Track, template: Template, block: int, length: int
+) -> tuple[Array, Array, Array]:
+    """Return the times of the lit parts of a block, (n,), and the equations of their translations.
+
+    These are A, (n, 2, 2), and b, (n, 2).
+    """
     blocks, (first, stop) = track.blocks, track.blocks.edges[block : block + 2].tolist()
     number = min(_MAX_PARTS, (stop - first) // length)
-    matrices, right = [], []
+    times, matrices, right = [], [], []
     for start in np.linspace(first, stop - length, number).astype(int).tolist():
         frames = range(start, start + length)
         if blocks.burst.number_lit(frames) == 0:
             continue
+        times.append(float(start - first))
         sums = blocks.count(frames, track.nodes, blocks.centers)
         if track.pixels is not None:
             sums = sums.masked(track.pixels)
@@ -114,4 +128,4 @@ def _equations(track: Track, template: Template, block: int, length: int) -> tup
         rows, mixed, columns = equations.information.sum(axis=(1, 2))
         matrices.append([[rows, mixed], [mixed, columns]])
         right.append(equations.right.sum(axis=(1, 2)))
-    return np.reshape(matrices, (-1, 2, 2)), np.reshape(right, (-1, 2))
+    return np.array(times), np.reshape(matrices, (-1, 2, 2)), np.reshape(right, (-1, 2))
