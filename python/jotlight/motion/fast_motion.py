@@ -51,6 +51,8 @@ def find_fast_motion(paths: Paths, total: Sums | None) -> float:
     total : Sums, optional
         The sums of all bits that agree with them. Default: those of all bits.
     """
+    if paths.blocks.jots is not None:
+        return 0.0  # what remains of their pattern would look like motion
     largest = int(np.bincount(paths.labels.ravel()).argmax())
     pixels = paths.labels == largest
     track = paths.tracks[largest].inside(None if pixels.all() else pixels)
