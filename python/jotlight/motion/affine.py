@@ -193,7 +193,6 @@ def improve_against(track: Track, template: Template, weights: Array, sigma: flo
     shape = tile_counts(track.blocks.size)
     basis, to_parameters = affine_basis(shape), affine_inverse(shape)
     steps, matrices = _fit_blocks(track, template, sigma, weights)
-    steps = np.moveaxis(limit_length(np.moveaxis(steps, 1, 0), _MAX_STEP * sigma), 0, 1)
     nodes = (track.nodes - steps).reshape(2 * number, -1)
     parameters = (nodes @ to_parameters.T).reshape(number, 6)
     at_reference = weights_at(track.reference, track.blocks)

@@ -2,8 +2,7 @@
 
 The alignment takes counts of bits that all show the scene alike. Two steps make such counts:
 
-- The photons of a reading of several bits go into n short trials. A trial with a photon is a one.
-  If readings are numbers of photons, this is exact: the ones are binomial.
+- The photons of a reading go into n short trials. A trial with photons is a one: L is binomial.
 - The exposures of a bracket repeat in cycles of frames, such as short, long, short, long. The ones
   of a cycle are added, so that all sums show the scene alike.
 
