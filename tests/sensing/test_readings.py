@@ -141,6 +141,9 @@ def test_readings_are_indexed_and_read_like_bits():
     assert readings[1:3].sensor.frames == 2
     np.testing.assert_array_equal(readings[1:3].to_array(), array[1:3])
     np.testing.assert_array_equal(readings.sum(), array.sum(axis=0))
+    for axis in (-3, (-3,), None, 1, (0, 1)):
+        assert readings.sum(axis).dtype == np.int64
+        np.testing.assert_array_equal(readings.sum(axis), array.sum(axis))
     assert "<th>" in readings._repr_html_()
     assert "4 bits" in repr(readings)
     for wrong in ((..., 3), [0, 2], 1.0):

@@ -7,6 +7,7 @@ In reading order:
   another time.
 - ``align``: the alignment. ``path_search``: the search for the motion that explains the bits best.
   ``sensor_blocks``, ``dark_frames``: which jots and which frames are counted.
+  ``fast_motion``: motion within blocks.
 - ``burst``, ``block_edges``, ``frame_times``, ``blocks``, ``sums``: frames, their division into
   blocks, their places between blocks, the counting along a motion, and the counts.
 - ``velocity``, ``segments``, ``rotation``, ``objects``: the search for the velocities of the parts

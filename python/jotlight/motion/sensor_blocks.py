@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import check_threads
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
 from jotlight.motion.dark_frames import find_dark
@@ -38,6 +39,7 @@ def as_blocks(
     with_hot_jots : bool
         Whether hot jots are counted.
     """
+    check_threads(threads)
     valid = valid_jots(sensor, with_hot_jots=with_hot_jots)
     jots = Jots.of_sensor(sensor, burst.size, valid)
     dark = find_dark(burst.ones(valid, threads), _dark_ones(burst, sensor, valid))

@@ -212,9 +212,12 @@ class Readings(FrameSequence):
         TypeError, ValueError
             When K̂ is not a whole number that divides height and width.
         """
-        if axis not in (0, (0,)) or any(value is not None for value in options.values()):
+        is_first = axis in (0, (0,), -len(self.shape), (-len(self.shape),))
+        if not is_first or any(value is not None for value in options.values()):
             if oversampling != 1:
                 raise ValueError("oversampling: needs axis 0 and no options, to add whole frames")
+            # NumPy would add them to unsigned numbers, whose differences cannot be negative.
+            options["dtype"] = options.get("dtype") or np.int64
             return np.asarray(self.to_array().sum(axis, **options))
         height, width, *channels = self.shape[1:]
         side = checked_oversampling(oversampling, (height, width), "readings")
