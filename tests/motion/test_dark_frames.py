@@ -70,7 +70,10 @@ def test_dark_counts_of_jots_are_no_light():
 def test_spans_are_listed_in_the_warning():
     with pytest.warns(JotlightWarning, match="not used: 0 to 3, 8, 10 to 11, and others$"):
         report_dark([range(4), range(8, 9), range(10, 12), range(20, 21)])
-    with pytest.warns(JotlightWarning, match="from 5 on; the image shows time 7, which is dark"):
+    with pytest.warns(
+        JotlightWarning,
+        match="5 and dark ones that follow it; the image shows time 7, which is dark",
+    ):
         report_dark([range(5, 9)], 7.0, 9)
     assert as_spans(np.zeros(4, bool)) == []
 
@@ -200,5 +203,5 @@ def test_films_report_a_dark_span_once_and_show_the_last_frame(is_live):
     with pytest.warns(JotlightWarning) as found:
         images = live.add(dark) if is_live else list(film(dark, window=64, step=16, causal=True))
     texts = [str(each.message) for each in found if "dark" in str(each.message)]
-    assert texts == ["dark frames are not used: from 100 on"]
+    assert texts == ["dark frames are not used: 100 and dark ones that follow it"]
     assert [image.motion.reference for image in images] == [63.0] * 9

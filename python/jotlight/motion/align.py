@@ -261,13 +261,13 @@ def reference_time(at: float | None, burst: Sized) -> float:
     return at
 
 
-def _lit_time(blocks: Blocks) -> int:
+def _lit_time(blocks: Blocks) -> float:
     """Return the middle frame, or if this is dark, a lit frame near the middle of the others."""
     middle, dark = len(blocks.burst) // 2, blocks.burst.dark
     if dark is None or not dark[middle]:
-        return middle
+        return float(middle)
     lit = np.flatnonzero(~dark)
-    return int(lit[abs(lit - blocks.middle).argmin()])
+    return float(lit[abs(lit - blocks.middle).argmin()])
 
 
 def _unusable(blocks: Blocks) -> str | None:

@@ -87,8 +87,8 @@ def _as_text(span: range, end: int | None) -> str:
     Examples
     --------
     >>> _as_text(range(8, 9), None), _as_text(range(8, 12), 20), _as_text(range(8, 20), 20)
-    ('8', '8 to 11', 'from 8 on')
+    ('8', '8 to 11', '8 and dark ones that follow it')
     """
     if span.stop == end:
-        return f"from {span.start} on"
+        return f"{span.start} and dark ones that follow it"
     return f"{span.start}" if len(span) == 1 else f"{span.start} to {span.stop - 1}"

@@ -99,6 +99,29 @@ drop the axis of length 1, as array[:, 0] does
     )
 
 
+def as_frames(name: str, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return an array of frames (T, H, W) or (T, H, W, C), where (H, W) is a single frame.
+
+    Raises
+    ------
+    ValueError
+        When the array has another shape, or no value.
+
+    Examples
+    --------
+    >>> as_frames("bits", np.zeros((4, 5))).shape
+    (1, 4, 5)
+    """
+    frames = values[None] if values.ndim == 2 else values
+    if frames.ndim not in (3, 4) or frames.size == 0:
+        raise ValueError(
+            f"{name}: expected shape (T, H, W), (H, W), or (T, H, W, C), without a dimension of 0, "
+            f"got {frames.shape}"
+        )
+    refuse_many_channels(name, frames.shape)
+    return frames
+
+
 def zeros_and_ones(array: npt.ArrayLike) -> npt.NDArray[Any]:
     """Return unpacked bits as an array (T, H, W) or (T, H, W, C) of bool, or of 0 and 1.
 
@@ -120,14 +143,7 @@ def zeros_and_ones(array: npt.ArrayLike) -> npt.NDArray[Any]:
         if isinstance(array, str | os.PathLike):
             advice = "; jotlight.open(path) reads a capture from a file"
         raise TypeError(f"bits: expected bool or whole numbers 0 and 1, got {kind}{advice}")
-    if values.ndim == 2:
-        values = values[None]
-    if values.ndim not in (3, 4) or values.size == 0:
-        raise ValueError(
-            "bits: expected shape (T, H, W), (H, W) or (T, H, W, C), without a dimension of 0, "
-            f"got {values.shape}"
-        )
-    refuse_many_channels("bits", values.shape)
+    values = as_frames("bits", values)
     if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 1):
         low, high = values.min(), values.max()
         is_black_and_white = low == 0 and ((values == 0) | (values == high)).all()

@@ -12,7 +12,7 @@ from jotlight.errors import counted
 from jotlight.notebook import card, normalize
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing import preview
-from jotlight.sensing.bits_checks import check_fits, checked_oversampling, refuse_many_channels
+from jotlight.sensing.bits_checks import as_frames, check_fits, checked_oversampling
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.crop import OneFrame, Region, crop_frames, note_part, split_index
 from jotlight.sensing.frame_sequence import FrameSequence
@@ -71,15 +71,7 @@ class Readings(FrameSequence):
         if values.dtype.kind not in "iu":
             advice = "; numpy.rint(array).astype(int) rounds floats" * (values.dtype.kind == "f")
             raise TypeError(f"readings: expected whole numbers, got {values.dtype}{advice}")
-        if values.ndim == 2:
-            values = values[None]
-        if values.ndim not in (3, 4) or values.size == 0:
-            raise ValueError(
-                "readings: expected shape (T, H, W), (H, W), or (T, H, W, C), without a dimension "
-                f"of 0, got {values.shape}"
-            )
-        refuse_many_channels("readings", values.shape)
-        self.frames = values
+        self.frames = as_frames("readings", values)
         self.sensor = sensor
         self.provenance = provenance
         if sensor.bit_depth == 1:
