@@ -65,3 +65,12 @@ def test_readings_are_summed_as_numpy_does():
     assert np.sum(READINGS, axis=0, keepdims=True).shape == (1, 3, 5)
     with pytest.raises(ValueError, match="oversampling: needs axis 0"):
         READINGS.sum(1, oversampling=3)
+
+
+def test_a_subclass_with_the_same_frames_is_equal_and_has_the_same_hash():
+    class Own(jl.Bits):
+        pass
+
+    own = Own(BITS.packed, BITS.width, BITS.sensor)
+    assert own == BITS
+    assert len({own, BITS}) == 1

@@ -71,7 +71,7 @@ class Readings(FrameSequence):
         if values.dtype.kind not in "iu":
             advice = "; numpy.rint(array).astype(int) rounds floats" * (values.dtype.kind == "f")
             raise TypeError(f"readings: expected whole numbers, got {values.dtype}{advice}")
-        self.frames = as_frames("readings", values)
+        self.frames: npt.NDArray[Any] | Frames = as_frames("readings", values)
         self.sensor = sensor
         self.provenance = provenance
         if sensor.bit_depth == 1:
