@@ -106,9 +106,9 @@ def motion_of(model, labels=NOWHERE):
     return Motion(nodes, labels, np.array([0.0, 119.0]), 60.0, model, information)
 
 
-def of_image(sums, motion, **options):
-    disagreements = disagreement(sums.before, sums.after)
-    return motion_flags.flags_of_image(sums, disagreements, motion, **options)
+def of_image(sums, motion, *, is_unclear):
+    disagreements, unclear = disagreement(sums.before, sums.after), np.full(SIZE, is_unclear)
+    return motion_flags.flags_of_image(sums, disagreements, motion, unclear=unclear)
 
 
 def scene_with_edge(ones, trials=120, seed=3):
@@ -207,11 +207,28 @@ def spot(size, share):
     ],
 )
 def test_scenes_are_unclear_if_bits_of_some_parts_are_rejected(model, accepted, unclear):
-    assert motion_flags.is_unclear(consistent(accepted), np.ones(SIZE), model) == unclear
+    pixels = motion_flags.unclear_pixels(consistent(accepted), np.ones(SIZE, np.float32), model)
+    assert pixels.any() == unclear
+    assert pixels.all() == (model == "tiles")
 
 
 def test_scenes_are_unclear_if_parts_change_strongly():
-    changed = consistent(change=(slice(20, 80), slice(30, 90)))
+    changed = consistent(change=(slice(40, 70), slice(50, 80)))
     for sums, unclear in ((consistent(), False), (changed, True)):
         disagreements = disagreement(sums.before, sums.after)
-        assert motion_flags.is_unclear(sums, disagreements, "affine") == unclear
+        pixels = motion_flags.unclear_pixels(sums, disagreements, "affine")
+        assert pixels[40:70, 50:80].any() == unclear
+        assert pixels[:, 150:].mean() < 0.3  # by chance
+
+
+def test_a_small_light_that_blinks_is_flagged_and_the_rest_of_the_image_is_not():
+    bits = jl.Sensor(frames=64, gain=10.0).expose(np.full((96, 128), 0.5), rng=0)
+    frames = bits.to_array()
+    on = (
+        np.random.default_rng(1).random((64, 7, 7))
+        < np.where(np.arange(64) // 8 % 2, 0.9, 0.1)[:, None, None]
+    )
+    frames[:, 60:67, 30:37] = on
+    flags = jl.merge(jl.Bits.from_array(frames, bits.sensor)).flags
+    assert flags[60:67, 30:37].all()
+    assert flags.mean() < 0.5

@@ -68,6 +68,9 @@ _STRONG, _MAX_STRONG = 1.5, 0.01
 """A scene is unclear if more than this fraction of the pixels (second value) disagrees by more than
 the first value."""
 
+_NEAR_UNCLEAR = 32
+"""Distance in pixels from such places up to which the scene is unclear."""
+
 _IN_VIEW = 0.9
 """Whether a scene is unclear is decided where pixels have this fraction of the most trials.
 
@@ -75,26 +78,34 @@ Others leave the view at some times, so flicker changes their brightness by anot
 """
 
 
-def is_unclear(
+def unclear_pixels(
     consistent: Consistent, disagreements: Image, model: str, threads: int | None = None
-) -> bool:
-    """Return whether the model does not explain the scene well.
+) -> Mask:
+    """Return the pixels (H, W) where the model does not explain the scene well.
 
-    This is so if each tile has its own motion. It is also so if there is one motion, but bits are
-    rejected in some places, or the frames before and after the reference time disagree strongly.
+    These are all pixels if each tile has its own motion. If there is one motion, or none, they are
+    those near places where bits are rejected, or where the frames before and after the reference
+    time disagree strongly.
     """
+    height, width = disagreements.shape
     if model in ("tiles", "segments"):
-        return model == "tiles"
+        return np.full((height, width), model == "tiles")
     trials = consistent.total.trials / np.maximum(consistent.accepted, np.float32(1e-3))
     in_view = trials >= _IN_VIEW * trials.max()
     pixels = add_squares(in_view, _SQUARE)
     lost = add_squares(in_view * (1 - consistent.accepted), _SQUARE)
     both = blur(np.stack([lost, pixels]) / _SQUARE**2, _SPREAD / _SQUARE, threads)
-    rejected = (both[0] / np.maximum(both[1], np.float32(1e-3)))[pixels > 0]
-    largest = float(np.quantile(rejected, 0.99))
-    is_local = largest > max(_MAX_REJECTED, _CONCENTRATION * float(rejected.mean()))
-    strong = np.count_nonzero(in_view & (disagreements > _STRONG))
-    return is_local or bool(strong > _MAX_STRONG * np.count_nonzero(in_view))
+    rejected = np.where(pixels > 0, both[0] / np.maximum(both[1], np.float32(1e-3)), 0)
+    in_squares = rejected[pixels > 0]
+    unclear = np.zeros((height, width), bool)
+    limit = max(_MAX_REJECTED, _CONCENTRATION * float(in_squares.mean()))
+    if np.quantile(in_squares, 0.99) > limit:
+        large = (rejected > limit).repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
+        unclear |= large[:height, :width]
+    strong = in_view & (disagreements > _STRONG)
+    if np.count_nonzero(strong) > _MAX_STRONG * np.count_nonzero(in_view):
+        unclear |= strong
+    return largest_nearby(unclear, _NEAR_UNCLEAR)
 
 
 def find_flags(
@@ -119,7 +130,7 @@ def find_flags(
     labels : ndarray of uint8, shape (H, W)
         The segments of the motion.
     is_unclear : bool
-        What :func:`is_unclear` returns.
+        Whether the scene is unclear, at least in some places.
     """
     return _beyond(_UNCLEAR if is_unclear else _LIMITS, consistent, disagreements, labels)
 
@@ -130,35 +141,42 @@ def flags_of_image(
     motion: Motion,
     threads: int | None = None,
     *,
-    is_unclear: bool,
+    unclear: Mask,
 ) -> Mask:
     """Return the pixels (H, W) of an image where larger errors are expected, or shown by the bits.
 
-    If each tile has its own motion, and if a dim scene moves that is unclear or whose tiles
-    together show that frames are displaced, steep pixels are flagged. Outlines may be displaced,
-    too: the less light there is, the farther.
+    If each tile has its own motion, and where a dim scene moves that is unclear, steep pixels are
+    flagged. If its tiles together show that frames are displaced, it is unclear everywhere.
+    Outlines may be displaced, too: the less light there is, the farther.
 
     Parameters
     ----------
-    consistent, disagreements, is_unclear
+    consistent, disagreements
         As for :func:`find_flags`.
     motion : Motion
         The motion.
     threads : int, optional
         Number of threads.
+    unclear : ndarray of bool, shape (H, W)
+        What :func:`unclear_pixels` returns.
     """
     ones = max(float(consistent.total.ones.mean()), 1e-9)
     distance = round(_NEAR_OUTLINE * (_ONES / ones) ** _EXPONENT)
     near_outline = int(np.clip(distance, *_OUTLINE_LIMITS))
-    limits, steep = _LIMITS, np.zeros(motion.size, bool)
-    if motion.model == "none" or (motion.model != "tiles" and not is_dim(consistent)):
-        limits = _UNCLEAR if is_unclear else _LIMITS
-    elif is_unclear or (motion.model == "affine" and may_hide_displacements(consistent)):
-        template = make_template(consistent.total, threads)
-        if is_unclear or is_displaced(consistent, template):
-            limits, steep = _UNCLEAR_IMAGE, steep_pixels(template)
-    limits = limits._replace(near_outline=near_outline)
-    return steep | _beyond(limits, consistent, disagreements, motion.labels)
+    limits, steep = _UNCLEAR, np.zeros(motion.size, bool)
+    if motion.model == "tiles" or (motion.model != "none" and is_dim(consistent)):
+        limits = _UNCLEAR_IMAGE
+        may_hide = motion.model == "affine" and may_hide_displacements(consistent)
+        if may_hide or unclear.any():
+            template = make_template(consistent.total, threads)
+            if may_hide and is_displaced(consistent, template):
+                unclear = np.ones_like(unclear)
+            steep = unclear & steep_pixels(template)
+    clear, wider = (
+        _beyond(each._replace(near_outline=near_outline), consistent, disagreements, motion.labels)
+        for each in (_LIMITS, limits)
+    )
+    return steep | np.where(unclear, wider, clear)
 
 
 def _beyond(

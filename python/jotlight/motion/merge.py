@@ -17,7 +17,7 @@ from jotlight.motion.consistency import MIN_ACCEPTED, Consistent, find_consisten
 from jotlight.motion.dark_frames import report_dark
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.finer import count_fine, fine_paths
-from jotlight.motion.flags import find_flags, flags_of_image, is_unclear
+from jotlight.motion.flags import find_flags, flags_of_image, unclear_pixels
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.held_out import count_in_place
 from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds, join_kinds, sensors_of_kinds
@@ -277,12 +277,13 @@ def merge_along(
         consistent = find_consistent(paths, is_still=motion.model == "none")
     halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     disagreements = disagreement(*halves, threads)
-    unclear = is_unclear(consistent, disagreements, motion.model, threads)
+    unclear = unclear_pixels(consistent, disagreements, motion.model, threads)
+    is_unclear = bool(unclear.any())
     # Few bits show that a dim scene moves, if its motion was not found.
-    is_doubtful = unclear and motion.model == "none"
+    is_doubtful = is_unclear and motion.model == "none"
     by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=is_doubtful)
     # In a clear scene with one motion, nothing moves by itself.
-    has_objects = unclear or motion.model == "segments"
+    has_objects = is_unclear or motion.model == "segments"
     counted = select_bits(paths, consistent) if has_objects else consistent
     accepted, agreeing = counted.accepted, float(consistent.accepted.mean())
     of_channels = each_channel(paths)
@@ -298,13 +299,13 @@ def merge_along(
         accepted = np.full_like(accepted, agreeing)
         flags = by_bits = np.ones_like(by_bits)
     else:
-        if unclear and not is_doubtful:
+        if is_unclear and not is_doubtful:
             by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, counted, upsample)
         if recall is not None:
             trusted = ~by_bits & (consistent.accepted >= MIN_ACCEPTED)
             sums = recall(sums, trusted | (consistent.total.trials == 0))
-        flags = flags_of_image(consistent, disagreements, motion, threads, is_unclear=unclear)
+        flags = flags_of_image(consistent, disagreements, motion, threads, unclear=unclear)
     finish = as_fine if upsample > 1 else as_merged
     merged = finish(sums, accepted, flags, motion, sensor, color=burst.color)
     return MergedAlong(merged, window, float(by_bits.mean()), agreeing, counted)
