@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators.tv import local_information
-from jotlight.sensing.response import inverse_detection_probability
 from reference.iterative import run, scene
 
 
@@ -82,19 +80,6 @@ def test_the_weight_is_finite_and_positive_with_dead_jots(kernel):
 def test_the_error_of_a_weight_that_is_no_number_shows_it():
     with pytest.raises(ValueError, match=r"weight: expected a number, .* got '2'"):
         jl.tv.check_map("weight", "2", (4, 4))
-
-
-@pytest.mark.parametrize("threshold", [1, 5])
-def test_the_information_is_exact_for_any_number_of_trials_and_of_ones(threshold):
-    for trials in (0.7, 16, 10**5, 10**9):
-        for ones in {int(share * trials) for share in (0, 1e-8, 1e-6, 1e-4, 0.3, 0.9999, 1)}:
-            p, rest = (ones + 3 / 8) / (trials + 3 / 4), (trials - ones + 3 / 8) / (trials + 3 / 4)
-            light = inverse_detection_probability(threshold, p, rest)
-            counts = jl.Likelihood(np.full((3, 3), ones), trials=trials, threshold=threshold)
-            problem = jl.Problem(jl.operators.scaling((3, 3), 1.0), counts, 4.0)
-            found = local_information(problem, np.ones((3, 3)))
-            expected = counts.information(np.full((3, 3), light))
-            np.testing.assert_allclose(found, expected, rtol=1e-3)
 
 
 def test_rare_photons_have_the_same_weight_in_any_number_of_frames():

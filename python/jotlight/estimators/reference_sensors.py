@@ -125,20 +125,22 @@ def reference_dark_counts(
 def _noise_floor(sensor: Sensor, reference: Sensor, dark: Array) -> Array:
     """Return the dark counts with which bits tell as much about darkness as readings with noise.
 
-    With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0.
-    Readings of several bits count as whether they are 0: the information of larger ones, which are
-    rare in the dark, vanishes with the least light.
+    With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0. T is
+    the number of bits that receive as much light as the readings: as many without a one say as much
+    as readings that are all 0. Readings of several bits count as whether they are 0: the
+    information of larger ones, which are rare in the dark, vanishes with the least light.
     """
     distinct, places = np.unique(dark, return_inverse=True)
-    information = np.zeros(len(distinct))
+    information, total_light = np.zeros(len(distinct)), 0.0
     for group in sensor.groups():
         own, light = group.sensor, group.sensor.light_per_intensity
         response = JotResponse(1, own.read_noise, own.threshold)
         none = np.zeros((len(distinct), 0), np.int32)
         cells = ReadingLikelihood(response, none, False, 1.0, distinct)
         share = 1.0 if own.mask is None else float(1 - own.mask.mean())
+        total_light += len(group.frames) * share * light
         information += len(group.frames) * share * light**2 * cells.information_per_reading(0.0)
     # Far from darkness, a reading of 0 is so rare that its information vanishes.
     with np.errstate(divide="ignore", over="ignore"):
-        floor = np.log1p(sensor.frames * reference.light_per_intensity**2 / information)
+        floor = np.log1p(total_light * reference.light_per_intensity / information)
     return np.asarray(floor[places].reshape(dark.shape))

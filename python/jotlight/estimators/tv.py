@@ -11,12 +11,11 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import to_array
-from jotlight.interrupts import interruptible
+from jotlight.estimators.local_information import local_information
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.operators import differences
 from jotlight.sensing.problem import Problem
-from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.response import Array
 from jotlight.sensing.stacks import each_image, image_means, image_sums
 from jotlight.sensing.values import flatten
 from jotlight.underflow import underflows_to_0
@@ -30,12 +29,6 @@ BSDS training images at six exposures."""
 
 _BLOCK = 4
 """The side, in pixels, of the blocks between which the roughness is measured."""
-
-_BLUR = 2.0
-"""The standard deviation, in pixels, of the Gaussian for the local fraction of ones."""
-
-_TABLE_SIZE = 1025
-"""The number of points in the table from the odds of a 1 to the information of a bit."""
 
 
 def total_variation(
@@ -195,7 +188,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     constant = each_image(stack.constant_estimates(), likelihood.ones) * light_of_ones
     score = operator.adjoint(likelihood.gradient_and_curvature(constant)[0])
     information = operator.adjoint(likelihood.information(constant) * light_of_ones)
-    local = np.sqrt(local_information(stack, light_of_ones))
+    local = np.sqrt(local_information(stack, light_of_ones, constant))
     mean = image_means(information)
     # If nearly all bits are saturated, the roughness is unknown, and 1 stands in for it.
     known = mean > 1e-6 * image_means(np.square(local))
@@ -240,67 +233,6 @@ def _block_sums(images: Array, sides: list[int]) -> Array:
         blocks = cropped.reshape(len(images), -1, side, *cropped.shape[2:])
         images = np.moveaxis(blocks.sum(axis=2), 1, axis)
     return images
-
-
-def local_information(problem: Problem, light_of_ones: Array) -> Array:
-    """Return the Fisher information I of each pixel about its intensity, at its local light.
-
-    Every pixel is treated as if it had the mean number of valid bits.
-
-    Parameters
-    ----------
-    problem : Problem
-        The data and their operator.
-    light_of_ones : ndarray of float64
-        The light of the cells at the constant intensity 1, before the efficiency.
-
-    Returns
-    -------
-    ndarray of float64
-        I in units of 1 / intensity², of the shape of the image or of the stack.
-
-    Examples
-    --------
-    >>> from jotlight.sensing.operators import scaling
-    >>> problem = Problem(scaling((4, 4), 1.0), Likelihood(np.full((4, 4), 8), trials=16))
-    >>> local_information(problem, np.ones((4, 4))).round(3)[0, 0]  # 16 / (e^s - 1), s = log 2
-    np.float64(16.0)
-    """
-    from scipy.ndimage import gaussian_filter
-
-    stack = problem.stacked()
-    operator, likelihood = stack.operator, stack.likelihood
-    trials = np.broadcast_to(np.asarray(likelihood.trials, np.float64), likelihood.shape)
-    sigma = (0.0, *[_BLUR] * len(operator.input_shape))
-    ones, valid = (
-        interruptible(gaussian_filter)(operator.adjoint(array), sigma, mode="reflect")
-        for array in (likelihood.ones.astype(np.float64), trials)
-    )
-    total = image_sums(trials)
-    overall = each_image(image_sums(likelihood.ones) / total, ones)
-    fraction = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
-    mean_bits = total / fraction[0].size
-    information = np.empty(fraction.shape)
-    for bits in np.unique(mean_bits):
-        same = mean_bits == bits
-        information[same] = _information_of_bits(likelihood, bits, np.clip(fraction[same], 0, 1))
-    information *= np.mean(likelihood.efficiency * light_of_ones) ** 2
-    return information if problem.is_stack else information[0]
-
-
-def _information_of_bits(likelihood: Likelihood, bits: float, fraction: Array) -> Array:
-    """Return the information of some bits about their light, at fractions of ones."""
-    from scipy.special import expit
-
-    # Its logarithm is a smooth function of the log-odds alone, so a table suffices.
-    largest = np.log((bits + 3 / 8) / (3 / 8))
-    nodes = np.linspace(-largest, largest, _TABLE_SIZE)
-    rates = inverse_detection_probability(likelihood.threshold, expit(nodes), expit(-nodes))
-    none = np.zeros(_TABLE_SIZE, np.int32)
-    one_bit = Likelihood(none, 1, threshold=likelihood.threshold, threads=likelihood.threads)
-    table = np.log(one_bit.information(rates))
-    odds = (bits * fraction + 3 / 8) / (bits * (1 - fraction) + 3 / 8)
-    return np.asarray(bits * np.exp(np.interp(np.log(odds), nodes, table)))
 
 
 def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -> float | Array:

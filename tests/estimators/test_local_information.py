@@ -1,0 +1,32 @@
+"""The information at the local light is exact, and hot jots do not hide it."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.estimators.local_information import local_information
+from jotlight.sensing.response import inverse_detection_probability
+
+
+@pytest.mark.parametrize("threshold", [1, 5])
+def test_the_information_is_exact_for_any_number_of_trials_and_of_ones(threshold):
+    for trials in (0.7, 16, 10**5, 10**9):
+        for ones in {int(share * trials) for share in (0, 1e-8, 1e-6, 1e-4, 0.3, 0.9999, 1)}:
+            p, rest = (ones + 3 / 8) / (trials + 3 / 4), (trials - ones + 3 / 8) / (trials + 3 / 4)
+            light = inverse_detection_probability(threshold, p, rest)
+            counts = jl.Likelihood(np.full((3, 3), ones), trials=trials, threshold=threshold)
+            problem = jl.Problem(jl.operators.scaling((3, 3), 1.0), counts, 4.0)
+            found = local_information(problem, np.ones((3, 3)), np.ones((3, 3)))
+            expected = counts.information(np.full((3, 3), light))
+            np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+def test_hot_jots_do_not_hide_the_light_of_their_neighbors():
+    hot = np.where(np.random.default_rng(0).random((64, 64)) < 0.05, 2.0, 0.01)
+    noise = {}
+    for name, dark_counts in (("cold", 0.01), ("some hot", hot)):
+        gain = np.repeat([2.4, 0.6, 0.15], 4)
+        sensor = jl.Sensor(frames=12, gain=gain, dark_counts=dark_counts)
+        bits = sensor.expose(np.full(hot.shape, 0.2), rng=0)
+        noise[name] = jl.reconstruct(bits, method="admm-tv")[hot < 1].std()
+    assert noise["some hot"] < 3 * noise["cold"]
