@@ -35,7 +35,7 @@ class Gates:
     Parameters
     ----------
     ones, readings : ndarray of float64, shape (G, P)
-        L and n.
+        L and n. Without dark counts, and with many readings, L may be negative.
     times : ndarray of float64, shape (G,)
         From 0 to 1.
     dark_counts : float
@@ -52,6 +52,17 @@ class Gates:
         ones, readings = self.ones[:, places], self.readings[:, places]
         return dataclasses.replace(self, ones=ones, readings=readings)
 
+    def have_decay(self) -> npt.NDArray[np.bool_]:
+        """Return which pixels may have a most likely decay, (P,).
+
+        Two gates need ones. A decay has light in the first gate and in later ones, so negative ones
+        must not exceed the others: neither in their sum, nor after the first gate with readings.
+        """
+        first = self.times[np.argmax(self.readings > 0, axis=0)]
+        later = (self.times[:, None] - first) * self.ones
+        has_two = np.count_nonzero(self.ones, axis=0) > 1
+        return np.asarray(has_two & (self.ones.sum(axis=0) > 0) & (later.sum(axis=0) > 0))
+
     @underflows_to_0
     def light(self, point: Array) -> Array:
         """Return exp(a - r t), (G, P)."""
@@ -63,7 +74,7 @@ class Gates:
         """Return where the search begins: the most likely one of some rates, (2, P)."""
         light = -np.log1p(-self.ones / (self.readings + 1)) - self.dark_counts
         # Noise of the dark counts must not hide all light.
-        total = np.maximum(light.sum(axis=0), 0.1 * (light + self.dark_counts).sum(axis=0))
+        total = np.maximum(light.sum(axis=0), 0.1 * np.abs(light + self.dark_counts).sum(axis=0))
         fastest = 4 / np.diff(self.times).min()
         points = [
             np.stack([np.log(total / np.exp(-rate * self.times).sum()), np.full(total.shape, rate)])
@@ -139,7 +150,7 @@ def decay_rates(gates: Gates) -> Array:
     Returns
     -------
     ndarray of float64, shape (P,)
-        r, of either sign; NaN where fewer than two gates have ones, or the search does not end.
+        r, of either sign; NaN where the ones have no decay, or the search does not end.
 
     Examples
     --------
@@ -149,7 +160,7 @@ def decay_rates(gates: Gates) -> Array:
     [2.0]
     """
     rates = np.full(gates.ones.shape[1], np.nan)
-    places = np.flatnonzero(np.count_nonzero(gates.ones, axis=0) > 1)
+    places = np.flatnonzero(gates.have_decay())
     gates = gates.at(places)
     point = gates.first_point()
     for _ in range(_MAX_STEPS):

@@ -57,9 +57,11 @@ def gate_detections(
     Returns
     -------
     detections, standard_error : ndarray of float64, shape (G, ...)
-        Detections are 0 or more. They are infinite for a gate whose readings are all ones, and NaN
-        for a gate without readings. The standard error is the one at L/n. So it is 0 for a gate
-        without ones, which is not certain to be dark: do not weight gates by 1/error².
+        Detections are -d or more: noise makes them negative where there is little light, and
+        averages over pixels have no bias from dark counts because of that. They are infinite for
+        a gate whose readings are all ones, and NaN for a gate without readings. The standard
+        error is the one at L/n. So it is 0 for a gate without ones, which is not certain to be
+        dark: do not weight gates by 1/error².
 
     Raises
     ------
@@ -80,7 +82,7 @@ def gate_detections(
         fraction = ones / readings
         detections = -np.log1p(-fraction)
         error = np.sqrt(fraction / (1 - fraction) / readings)
-    return np.maximum(detections - dark, 0), error
+    return detections - dark, error
 
 
 def _ones_and_readings(
@@ -136,7 +138,8 @@ def decay_lifetime(
     ----------
     detections : array_like of float, shape (G, ...)
         With `trials`, L: the number of ones of gates of equal width. Otherwise numbers of photons,
-        or expected detections of :func:`gate_detections`; those that are not finite are left out.
+        or expected detections of :func:`gate_detections`, which may be negative; those that are
+        not finite are left out.
     gate_times : array_like of float, shape (G,)
         The beginning of each gate, in any unit. They rise, in steps of at least 1e-12 of
         their span.
@@ -147,7 +150,8 @@ def decay_lifetime(
     -------
     ndarray of float64, shape (...)
         The lifetimes in the unit of the times; NaN where fewer than two gates have detections,
-        detections do not decay, or no finite lifetime above 0 is the most likely one.
+        detections do not decay or their sum is not above 0, or no finite lifetime above 0 is the
+        most likely one.
 
     Raises
     ------
@@ -160,9 +164,10 @@ def decay_lifetime(
     -----
     A gate at the time t expects λ = A exp(-t/τ) + d detections per reading, and a reading is 1
     with the probability 1 - exp(-λ). Newton's method finds the A and τ that maximize the binomial
-    likelihood, or the Poisson likelihood of photons, which is its limit for many readings. Dark
-    counts may cause several maxima. The search then begins at the most likely of some lifetimes,
-    each with an A of its own, so it rarely ends at a lower maximum.
+    likelihood, or the Poisson likelihood of photons, which is its limit for many readings. Its
+    formula also takes negative detections: the A and τ at its only maximum have the same sums of λ
+    and t λ as the detections. Dark counts may cause several maxima. The search then begins at the
+    most likely of some lifetimes, each with an A of its own, so it rarely ends at a lower maximum.
 
     Examples
     --------
@@ -198,11 +203,9 @@ def _photons(detections: npt.ArrayLike) -> tuple[Array, Array]:
     Numbers that are not finite get no readings.
     """
     values = _real_numbers("detections", detections, "fill it with NaN: such gates are left out")
-    if (values < 0).any():
-        raise ValueError(f"detections: expected numbers of 0 or more, got {values.min():g}")
     usable = np.isfinite(values)
     photons = np.where(usable, values, 0.0)
-    return photons, np.where(usable, 2.0**40 * (photons.max(initial=0.0) or 1.0), 0.0)
+    return photons, np.where(usable, 2.0**40 * (np.abs(photons).max(initial=0.0) or 1.0), 0.0)
 
 
 def _real_numbers(name: str, values: npt.ArrayLike, advice: str) -> Array:
