@@ -162,7 +162,9 @@ def real_number(value: Any) -> float:
 
 
 def refuse_masked(
-    name: str, data: object, advice: str = "fill it, and pass its mask to the sensor"
+    name: str,
+    data: object,
+    advice: str = "fill it, and pass its mask to the sensor if there is one",
 ) -> None:
     """Raise TypeError for a masked array, or a list of such rows: their mask would be ignored."""
     for each in data if isinstance(data, list | tuple) else ():

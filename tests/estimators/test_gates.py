@@ -245,6 +245,39 @@ def test_detections_that_are_no_numbers_are_refused_with_and_without_trials(
             jl.gates.decay_lifetime([4, 2, 1], values)
 
 
+def test_masked_arrays_are_refused_with_advice_that_works():
+    pytest.importorskip("xarray")
+    mask = np.broadcast_to(np.eye(2, dtype=bool), (3, 2, 2))
+    ones = np.array([[[8, 7], [7, 8]], [[4, 3], [3, 4]], [[2, 1], [1, 2]]])
+    masked = np.ma.array(ones, mask=mask)
+    for call in (
+        jl.gates.gate_detections,
+        lambda counts, trials: jl.gates.decay_lifetime(counts, TIMES_OF_THREE, trials=trials),
+        lambda counts, trials: jl.gates.gate_dataset(counts, trials, gate_times=TIMES_OF_THREE),
+    ):
+        with pytest.raises(TypeError, match=r"counts: .* pass trials of 0 where it is masked"):
+            call(masked, 9)
+        with pytest.raises(TypeError, match=r"trials: .* fill it with 0: such counts are left out"):
+            call(ones, masked)
+    found = jl.gates.gate_dataset(masked.filled(0), np.where(mask, 0, 9), gate_times=TIMES_OF_THREE)
+    np.testing.assert_array_equal(np.isnan(found.lifetime), mask[0])
+    np.testing.assert_array_equal(np.isnan(found.detections), mask)
+
+
+def test_single_bits_are_counts_of_one_reading():
+    bits = jl.Sensor(frames=12).expose(np.full((3, 4), 0.8), rng=0)
+    ones = np.asarray(bits).astype(int)
+    for one_bit in (bits, np.asarray(bits)):
+        for each, expected in zip(
+            jl.gates.gate_detections(one_bit, 1), jl.gates.gate_detections(ones, 1), strict=True
+        ):
+            np.testing.assert_array_equal(each, expected)
+        np.testing.assert_array_equal(
+            jl.gates.decay_lifetime(one_bit, TIMES, trials=1),
+            jl.gates.decay_lifetime(ones, TIMES, trials=1),
+        )
+
+
 @pytest.mark.parametrize("times", [[-1.7e308, 0, 1.7e308], [0, 1e-320, 1.0], [0, 1.0, 1 + 1e-13]])
 def test_times_whose_steps_vanish_in_their_span_are_refused(times):
     with pytest.raises(ValueError, match=r"gate_times: expected a span of at most .* and steps of"):

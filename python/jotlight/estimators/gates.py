@@ -43,10 +43,11 @@ def gate_detections(
 
     Parameters
     ----------
-    counts : array_like of int, shape (G, ...)
-        L: the number of ones of each gate, and of each pixel.
+    counts : array_like of int or bool, shape (G, ...)
+        L: the number of ones of each gate, and of each pixel. Single bits are counts of 1 reading.
     trials : int or array_like of int, shape (G,) or that of the counts
-        n: the number of readings of each gate; or of cycles, with `first_photon`.
+        n: the number of readings of each gate; or of cycles, with `first_photon`. Counts with 0
+        trials are left out.
     first_photon : bool
         Whether each cycle of the laser passes all gates in order, and only its first photon is
         recorded, as in time-correlated counting. A gate then sees only the cycles without an
@@ -65,6 +66,8 @@ def gate_detections(
 
     Raises
     ------
+    TypeError
+        For masked arrays.
     ValueError
         When the numbers are out of range, or a count exceeds its readings.
 
@@ -89,15 +92,14 @@ def _ones_and_readings(
     counts: npt.ArrayLike, trials: npt.ArrayLike, first_photon: bool
 ) -> tuple[Array, Array]:
     """Return the ones of each gate, and the readings behind them, of shape (G, ...)."""
-    ones = numbers_from_zero("counts", counts)
-    if ones.ndim < 1:
-        raise ValueError(f"counts: expected those of each gate (G, ...), got {shown(counts)}")
+    ones = numbers_from_zero("counts", _plain_counts(counts))
     is_fraction = ones != np.floor(ones)
     if is_fraction.any():
         raise ValueError(
             f"counts: expected whole numbers, got {ones[is_fraction][0]:g}; pass the number of "
             "ones of each gate"
         )
+    refuse_masked("trials", trials, "fill it with 0: such counts are left out")
     readings = _of_each_count(numbers_from_zero("trials", trials), ones.shape)
     if first_photon:
         # The cycles without a photon in an earlier gate.
@@ -106,6 +108,15 @@ def _ones_and_readings(
         what = "cycles in all gates together" if first_photon else "readings"
         raise ValueError(f"counts: expected at most the number of {what}, got more ones")
     return ones, readings
+
+
+def _plain_counts(counts: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Return the counts of each gate as an array (G, ...), with single bits as 0 and 1."""
+    refuse_masked("counts", counts, "fill it with 0, and pass trials of 0 where it is masked")
+    array = to_array("counts", counts)
+    if array.ndim < 1:
+        raise ValueError(f"counts: expected those of each gate (G, ...), got {shown(counts)}")
+    return array.astype(np.uint8) if array.dtype == np.bool_ else array
 
 
 def _of_each_count(trials: Array, shape: tuple[int, ...]) -> Array:
@@ -257,7 +268,7 @@ def gate_dataset(
 
     Parameters
     ----------
-    counts : array_like of int, shape (G, H, W)
+    counts : array_like of int or bool, shape (G, H, W)
         The number of ones of each gate.
     trials, first_photon, dark_counts
         See :func:`gate_detections`.
@@ -277,11 +288,13 @@ def gate_dataset(
     ------
     MissingExtraError
         When xarray is not installed.
+    TypeError
+        For masked arrays.
     ValueError
-        When the arrays do not fit together.
+        When the arrays do not fit together, or their numbers are out of range.
     """
     xarray = import_extra("xarray", "lifetime", "gate stacks as data sets")
-    ones = np.asarray(counts)
+    ones = _plain_counts(counts).copy()
     if ones.ndim != 3:
         raise ValueError(f"counts: expected shape (G, H, W), got {ones.shape}")
     times = _rising_times(gate_times, ones.shape)
