@@ -12,7 +12,7 @@ def drawn(times, light, rate, dark, readings, pixels, seed):
     expected = light * np.exp(-rate * times) + dark
     shape = (len(times), pixels)
     ones = np.random.default_rng(seed).binomial(readings, -np.expm1(-expected)[:, None], shape)
-    return Gates(ones.astype(float), np.full(shape, float(readings)), times, dark)
+    return Gates(ones.astype(float), np.full(shape, float(readings)), times, np.full(shape, dark))
 
 
 @pytest.mark.slow
@@ -39,7 +39,7 @@ def test_strong_dark_counts_do_not_hide_the_best_maximum():
     # Another maximum, at a rate of 4.6, has a log-likelihood of -193.552.
     times = np.array([0, 0.3, 0.9, 1.0, 2.5, 4]) / 4
     ones = np.array([96.0, 87, 94, 88, 87, 88])[:, None]
-    gates = Gates(ones, np.full((6, 1), 100.0), times, 2.0)
+    gates = Gates(ones, np.full((6, 1), 100.0), times, np.full((6, 1), 2.0))
     rate = decay_rates(gates)
     likelihoods = [gates.log_likelihood(np.array([[a], rate]))[0] for a in np.linspace(-3, 3, 601)]
     assert max(likelihoods) == pytest.approx(-193.345, abs=1e-3)
@@ -72,12 +72,13 @@ def test_lifetimes_of_parts_of_a_gate_and_of_many_gates_are_found(gate_widths):
 
 def test_light_that_rises_has_a_negative_rate():
     ones = 1e9 * -np.expm1(-0.1 * np.exp(np.array([[0.0], [1.0], [2.0]])))
-    found = decay_rates(Gates(ones, np.full((3, 1), 1e9), np.array([0, 0.5, 1]), 0.0))
+    times, dark = np.array([0, 0.5, 1]), np.zeros((3, 1))
+    found = decay_rates(Gates(ones, np.full((3, 1), 1e9), times, dark))
     assert found == pytest.approx(-2.0, rel=1e-6)
 
 
 def test_pixels_without_a_rate_are_nan():
     # No light beyond the dark counts, one gate with ones, and only ones.
     ones = np.array([[1, 2, 1], [0, 5, 0], [9, 9, 9]], float).T
-    gates = Gates(ones, np.full((3, 3), 9.0), np.array([0, 0.5, 1]), 3.0)
+    gates = Gates(ones, np.full((3, 3), 9.0), np.array([0, 0.5, 1]), np.full((3, 3), 3.0))
     assert np.isnan(decay_rates(gates)).all()

@@ -38,19 +38,19 @@ class Gates:
         L and n. Without dark counts, and with many readings, L may be negative.
     times : ndarray of float64, shape (G,)
         From 0 to 1.
-    dark_counts : float
-        d, per gate and reading.
+    dark_counts : ndarray of float64, shape (G, P)
+        d, per reading.
     """
 
     ones: Array
     readings: Array
     times: Array
-    dark_counts: float
+    dark_counts: Array
 
     def at(self, places: npt.NDArray[np.integer]) -> Self:
         """Return the gates of some pixels."""
-        ones, readings = self.ones[:, places], self.readings[:, places]
-        return dataclasses.replace(self, ones=ones, readings=readings)
+        ones, readings, dark = self.ones, self.readings, self.dark_counts
+        return type(self)(ones[:, places], readings[:, places], self.times, dark[:, places])
 
     def have_decay(self) -> npt.NDArray[np.bool_]:
         """Return which pixels may have a most likely decay, (P,).
@@ -80,7 +80,7 @@ class Gates:
             np.stack([np.log(total / np.exp(-rate * self.times).sum()), np.full(total.shape, rate)])
             for rate in [0.0, *2.0 ** np.arange(-1, np.ceil(np.log2(fastest)) + 1)]
         ]
-        if self.dark_counts:  # The likelihood may have several maxima.
+        if self.dark_counts.any():  # The likelihood may have several maxima.
             points += [self.with_likely_amplitude(point) for point in points]
         best = np.argmax([self.log_likelihood(point) for point in points], axis=0)
         return np.asarray(np.take_along_axis(np.stack(points), best[None, None], axis=0)[0])
@@ -155,7 +155,7 @@ def decay_rates(gates: Gates) -> Array:
     Examples
     --------
     >>> ones = 1e9 * -np.expm1(-np.exp([[0.0], [-1.0], [-2.0]]))  # exp(-2 t)
-    >>> gates = Gates(ones, np.full((3, 1), 1e9), np.array([0, 0.5, 1]), 0.0)
+    >>> gates = Gates(ones, np.full((3, 1), 1e9), np.array([0, 0.5, 1]), np.zeros((3, 1)))
     >>> decay_rates(gates).round(6).tolist()
     [2.0]
     """

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import (
-    number_in_range,
     positive_number,
     refuse_masked,
     shown,
@@ -25,6 +24,9 @@ from jotlight.sensing.values import numbers_from_zero
 _MIN_STEP = 1e-12
 """Smallest step between the times of gates, as a fraction of their span."""
 
+_MAX_DARK_COUNTS = 1e6
+"""Largest dark counts per gate and reading."""
+
 _MAX_SPAN = 1e300
 """Largest span of the times of gates. Their lifetimes are finite numbers, too."""
 
@@ -34,7 +36,7 @@ def gate_detections(
     trials: npt.ArrayLike,
     *,
     first_photon: bool = False,
-    dark_counts: float = 0.0,
+    dark_counts: npt.ArrayLike = 0.0,
 ) -> tuple[Array, Array]:
     """Return the expected detections per gate and reading, without pile-up, and standard errors.
 
@@ -45,15 +47,16 @@ def gate_detections(
     ----------
     counts : array_like of int or bool, shape (G, ...)
         L: the number of ones of each gate, and of each pixel. Single bits are counts of 1 reading.
-    trials : int or array_like of int, shape (G,) or that of the counts
-        n: the number of readings of each gate; or of cycles, with `first_photon`. Counts with 0
-        trials are left out.
+    trials : int or array_like of int
+        n: the number of readings, or of cycles with `first_photon`; a number, one for each gate
+        (G,), a map of the pixels (H, W), or one for each count. Counts with 0 trials are left out.
     first_photon : bool
         Whether each cycle of the laser passes all gates in order, and only its first photon is
         recorded, as in time-correlated counting. A gate then sees only the cycles without an
         earlier photon (Coates 1968). Default: each gate has readings of its own.
-    dark_counts : float
-        d: the expected detections per gate and reading without light, which are subtracted.
+    dark_counts : float or array_like of float
+        d: the expected detections per gate and reading without light, which are subtracted, of the
+        same shapes as the trials.
 
     Returns
     -------
@@ -80,7 +83,7 @@ def gate_detections(
     [[0.6931], [0.6931]]
     """
     ones, readings = _ones_and_readings(counts, trials, first_photon)
-    dark = number_in_range("dark_counts", dark_counts, 0, 1e6)
+    dark = _of_each_count("dark_counts", _checked_dark_counts(dark_counts), ones.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         fraction = ones / readings
         detections = -np.log1p(-fraction)
@@ -100,7 +103,7 @@ def _ones_and_readings(
             "ones of each gate"
         )
     refuse_masked("trials", trials, "fill it with 0: such counts are left out")
-    readings = _of_each_count(numbers_from_zero("trials", trials), ones.shape)
+    readings = _of_each_count("trials", numbers_from_zero("trials", trials), ones.shape).copy()
     if first_photon:
         # The cycles without a photon in an earlier gate.
         readings[1:] -= ones.cumsum(axis=0)[:-1]
@@ -119,17 +122,32 @@ def _plain_counts(counts: npt.ArrayLike) -> npt.NDArray[Any]:
     return array.astype(np.uint8) if array.dtype == np.bool_ else array
 
 
-def _of_each_count(trials: Array, shape: tuple[int, ...]) -> Array:
-    """Return the readings behind each count, from one number, one for each gate, or all of them."""
-    if trials.shape == shape[:1]:
-        trials = trials.reshape(-1, *[1] * (len(shape) - 1))
-    try:
-        return np.broadcast_to(trials, shape).copy()
-    except ValueError:
+def _checked_dark_counts(dark_counts: npt.ArrayLike) -> Array:
+    """Return dark counts in range as float64."""
+    refuse_masked("dark_counts", dark_counts, "fill it with numbers, such as its median")
+    dark = numbers_from_zero("dark_counts", dark_counts)
+    if (dark > _MAX_DARK_COUNTS).any():
         raise ValueError(
-            f"trials: expected one number, one for each of the {shape[0]} gates, or an array of "
-            f"shape {shape}, got shape {trials.shape}"
-        ) from None
+            f"dark_counts: expected at most {_MAX_DARK_COUNTS:g} per gate and reading, got "
+            f"{dark.max():g}"
+        )
+    return dark
+
+
+def _of_each_count(name: str, values: Array, shape: tuple[int, ...]) -> Array:
+    """Return the value of each count, as a view of a number, of gates (G,), or of a map (H, W).
+
+    A map has two axes or more: a list may belong only to gates.
+    """
+    if values.ndim and values.shape == shape[:1]:
+        values = values.reshape(-1, *[1] * (len(shape) - 1))
+    elif values.ndim and values.shape != shape and (values.ndim < 2 or values.shape != shape[1:]):
+        pixels = f"a map of shape {shape[1:]}, " if len(shape) > 2 else ""
+        raise ValueError(
+            f"{name}: expected one number, one for each of the {shape[0]} gates, {pixels}or an "
+            f"array of shape {shape}, got shape {values.shape}"
+        )
+    return np.broadcast_to(values, shape)
 
 
 def decay_lifetime(
@@ -138,7 +156,7 @@ def decay_lifetime(
     *,
     trials: npt.ArrayLike | None = None,
     first_photon: bool = False,
-    dark_counts: float = 0.0,
+    dark_counts: npt.ArrayLike = 0.0,
 ) -> Array:
     """Return the most likely lifetime of a single exponential decay, for each pixel.
 
@@ -189,9 +207,9 @@ def decay_lifetime(
     >>> decay_lifetime(ones, times, trials=1000, dark_counts=0.1).round(1).tolist()
     2.5
     """
-    dark = number_in_range("dark_counts", dark_counts, 0, 1e6)
+    dark = _checked_dark_counts(dark_counts)
     if trials is None:
-        if first_photon or dark:
+        if first_photon or dark.any():
             raise ValueError(
                 "trials: expected the number of readings, which first_photon and dark_counts "
                 "need, got None; pass counts of ones and their trials"
@@ -201,8 +219,9 @@ def decay_lifetime(
         ones, readings = _ones_and_readings(detections, trials, first_photon)
     times = _rising_times(gate_times, ones.shape)
     span = times[-1] - times[0]
-    flat = [each.reshape(len(times), -1) for each in (ones, readings)]
-    gates = Gates(flat[0], flat[1], (times - times[0]) / span, dark)
+    dark = _of_each_count("dark_counts", dark, ones.shape)
+    flat = [each.reshape(len(times), -1) for each in (ones, readings, dark)]
+    gates = Gates(flat[0], flat[1], (times - times[0]) / span, flat[2])
     rates = decay_rates(gates).reshape(ones.shape[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(rates > TOLERANCE, span / rates, np.nan))
@@ -261,7 +280,7 @@ def gate_dataset(
     *,
     gate_times: npt.ArrayLike,
     first_photon: bool = False,
-    dark_counts: float = 0.0,
+    dark_counts: npt.ArrayLike = 0.0,
     frequency: float | None = None,
 ) -> Any:
     """Return a gate stack without pile-up as an `xarray.Dataset` (extra `lifetime`).
