@@ -198,6 +198,9 @@ def decay_lifetime(
     and t λ as the detections. Dark counts may cause several maxima. The search then begins at the
     most likely of some lifetimes, each with an A of its own, so it rarely ends at a lower maximum.
 
+    A pixel with few ones often does not decay by chance. The median of the other lifetimes is then
+    too short: first add the counts of neighboring pixels, and their trials.
+
     Examples
     --------
     >>> times = np.arange(8) * 0.5
