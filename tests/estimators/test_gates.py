@@ -234,6 +234,12 @@ def test_data_sets_hold_all_results():
     assert stack.detections.dims == ("H", "Y", "X")
     np.testing.assert_array_equal(stack.H, TIMES)
     assert stack.attrs == {"frequency": 80.0}
+    # Programs for phasors take the array alone.
+    assert stack.detections.attrs["frequency"] == 80.0
+    assert not np.shares_memory(stack.counts, counts)
+    np.testing.assert_array_equal(stack.counts, counts)
+    unknown = jl.gates.gate_dataset(counts, 1000, gate_times=TIMES)
+    assert "frequency" not in unknown.attrs | unknown.detections.attrs
     with pytest.raises(ValueError, match="expected finite, increasing times"):
         jl.gates.gate_dataset(counts, 1000, gate_times=TIMES[::-1])
     with pytest.raises(ValueError, match=r"expected shape \(G, H, W\)"):

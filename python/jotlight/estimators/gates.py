@@ -166,9 +166,9 @@ def decay_lifetime(
     Parameters
     ----------
     detections : array_like of float, shape (G, ...)
-        With `trials`, L: the number of ones of gates of equal width. Otherwise numbers of photons,
-        or expected detections of :func:`gate_detections`, which may be negative; those that are
-        not finite are left out.
+        With `trials`, L: the number of ones. Otherwise numbers of photons, or expected detections
+        of :func:`gate_detections`, which may be negative; those that are not finite are left out.
+        The gates need equal widths.
     gate_times : array_like of float, shape (G,)
         The beginning of each gate, in any unit. They rise, in steps of at least 1e-12 of
         their span.
@@ -291,13 +291,14 @@ def gate_dataset(
     Parameters
     ----------
     counts : array_like of int or bool, shape (G, H, W)
-        The number of ones of each gate.
+        The number of ones of each gate. For lifetimes, the gates need equal widths.
     trials, first_photon, dark_counts
         See :func:`gate_detections`.
     gate_times : array_like of float, shape (G,)
         The beginning of each gate in nanoseconds, which rises.
     frequency : float, optional
-        The frequency of the laser in MHz, which programs for phasors need. Default: unknown.
+        The frequency of the laser in MHz, which programs for phasors need. It is an attribute of
+        the data set and of its `detections`. Default: unknown.
 
     Returns
     -------
@@ -325,10 +326,12 @@ def gate_dataset(
     lifetime = decay_lifetime(ones, times, trials=trials, **options)
     dimensions = ("H", "Y", "X")
     attributes = {} if frequency is None else {"frequency": positive_number("frequency", frequency)}
+    unit = {"units": "per gate and reading"}
     return xarray.Dataset(
         {
-            "detections": (dimensions, detections, {"units": "per gate and reading"}),
-            "standard_error": (dimensions, error, {"units": "per gate and reading"}),
+            # Programs for phasors take one array, and read the attributes of that.
+            "detections": (dimensions, detections, unit | attributes),
+            "standard_error": (dimensions, error, unit),
             "counts": (dimensions, ones, {"units": "1"}),
             "lifetime": (dimensions[1:], lifetime, {"units": "ns"}),
         },
