@@ -91,6 +91,24 @@ def test_saturation_and_no_counts_are_the_ends():
     np.testing.assert_allclose(short.mle([1, 100]), [1, 100], rtol=1e-3)
 
 
+@pytest.mark.parametrize("periods", [2, 3, 10, 1e3, 1e6, 1e6 + 3e-4, 3e6, 1e7])
+def test_the_largest_count_is_the_last_with_time_to_be_reached(periods):
+    pixel = jl.FreeRunning(dead_time=1 / periods)
+    last = pixel.max_count
+    assert pixel.at_least([last, last + 1], 1e30).tolist() == [1, 0]
+
+
+def test_the_shortest_dead_times_have_the_light_of_the_advice():
+    pixel = jl.FreeRunning(dead_time=1e-7)
+    counts = np.array([1, 10, 1000, 10**5, 10**6, 5 * 10**6, 9 * 10**6])
+    light = counts / (1 - counts * 1e-7)
+    np.testing.assert_allclose(pixel.mle(counts), light, rtol=1e-6)
+    np.testing.assert_allclose(pixel.mean(light), counts, rtol=1e-6)
+    np.testing.assert_allclose(pixel.information(light), (1 - counts * 1e-7) / light, rtol=1e-4)
+    low, high = pixel.interval(pixel.draw(light, rng=0))
+    assert ((low < light) & (light < high)).all()
+
+
 @pytest.mark.parametrize("pixel", PIXELS)
 def test_the_coverage_of_the_interval_is_exact(pixel):
     counts = np.arange(pixel.max_count + 1)
@@ -123,8 +141,8 @@ def test_corrected_counts_have_little_bias_where_uncorrected_ones_are_far_off():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: jl.FreeRunning(dead_time=0.0), "dead_time: expected a number from 1e-06 to 1"),
-        (lambda: jl.FreeRunning(dead_time=2.0), "dead_time: expected a number from 1e-06 to 1"),
+        (lambda: jl.FreeRunning(dead_time=0.0), "dead_time: expected a number from 1e-07 to 1"),
+        (lambda: jl.FreeRunning(dead_time=2.0), "dead_time: expected a number from 1e-07 to 1"),
         (lambda: jl.FreeRunning(dead_time=0.1, efficiency=0), "efficiency: expected a number"),
         (lambda: PIXELS[0].mle([5]), "counts: expected whole numbers from 0 to 4"),
         (lambda: PIXELS[0].mle([0, 5]), "counts: expected .* of 0.3 exposures, got 5$"),
@@ -134,6 +152,7 @@ def test_corrected_counts_have_little_bias_where_uncorrected_ones_are_far_off():
         (lambda: PIXELS[0].mean(-1.0), "light: expected photons per exposure, 0 or more"),
         (lambda: PIXELS[0].mean(-np.ones((9, 9))), r"got an array of float64 of shape \(9, 9\)$"),
         (lambda: jl.FreeRunning(dead_time=5e-8), "a fraction of the exposure time, so divide sec"),
+        (lambda: jl.FreeRunning(dead_time=5e-8), r"n detections would be n / \(1 - n \* dead_time"),
         (lambda: PIXELS[0].interval([1], 0.2), "confidence_level: expected a number from 0.5"),
     ],
 )
@@ -147,6 +166,7 @@ COUNTING = [
     jl.FreeRunning(dead_time=0.05, efficiency=0.5, dark_counts=2.0),
     jl.FreeRunning(dead_time=1e-4, efficiency=0.8),
     jl.FreeRunning(dead_time=2e-6),
+    jl.FreeRunning(dead_time=1e-7),
 ]
 
 

@@ -22,6 +22,14 @@ from jotlight.sensing.sensor import Sensor
 _MAX_DETECTIONS = 5e8
 """Largest number of detections whose short readings a sensor can number."""
 
+_MIN_DEAD_TIME = 1e-7
+"""Smallest dead time. Most numbers below are seconds that were not divided."""
+
+_ADVICE = (
+    "; it is a fraction of the exposure time, so divide seconds by that time; if the fraction is "
+    "smaller, n detections would be n / (1 - n * dead_time) without it, almost exactly"
+)
+
 _SATURATED_RATE = 1e30
 """Higher rates count as this one, at which all pixels are at saturation."""
 
@@ -38,7 +46,7 @@ class FreeRunning:
     Parameters
     ----------
     dead_time : float
-        τ: the dead time as a fraction of the exposure time, 1e-6 to 1; a dead time of 50 ns and an
+        τ: the dead time as a fraction of the exposure time, 1e-7 to 1; a dead time of 50 ns and an
         exposure of 10 µs make 0.005.
     efficiency : float
         η: the fraction of the photons that are detected, above 0 to 1.
@@ -71,13 +79,12 @@ class FreeRunning:
     dark_counts: float = 0.0
 
     def __post_init__(self) -> None:
-        advice = "; it is a fraction of the exposure time, so divide seconds by that time"
-        for name, low, high, text in (
-            ("dead_time", 1e-6, 1.0, advice),
+        for name, low, high, advice in (
+            ("dead_time", _MIN_DEAD_TIME, 1.0, _ADVICE),
             ("efficiency", 1e-18, 1.0, ""),
             ("dark_counts", 0.0, 1e18, ""),
         ):
-            value = number_in_range(name, getattr(self, name), low, high, text)
+            value = number_in_range(name, getattr(self, name), low, high, advice)
             object.__setattr__(self, name, value)
 
     @property

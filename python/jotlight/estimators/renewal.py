@@ -21,6 +21,9 @@ _MIN_WIDTH = 30
 _MAX_TERMS = 1 << 18
 """Maximum number of terms of sums that are computed at a time."""
 
+_MIN_REST = 1e-9
+"""Shorter remaining times are rounding errors of 0. It is a hundredth of the shortest dead time."""
+
 _TINY = 1e-290
 """Smaller probabilities underflow, or have few digits."""
 
@@ -52,12 +55,12 @@ class Renewal:
     @property
     def max_count(self) -> int:
         """The largest number of detections in an exposure."""
-        return int(np.ceil(1 / self.dead_time - 1e-9))
+        return int(np.ceil((1 - _MIN_REST) / self.dead_time))
 
     def rest(self, count: npt.ArrayLike) -> Array:
         """Return u(n): the exposure without the dead times before the last of n detections."""
         rest = 1 - (np.asarray(count, np.float64) - 1) * self.dead_time
-        return np.asarray(np.where(rest > 1e-9, rest, 0.0))
+        return np.asarray(np.where(rest > _MIN_REST, rest, 0.0))
 
     def at_least(self, count: Numbers, rate: Array) -> Array:
         """Return P(N ≥ n)."""
