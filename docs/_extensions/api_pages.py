@@ -193,9 +193,22 @@ def _anchors(each: Name, names: list[Name]) -> str:
     return "".join(spans)
 
 
+def _import_lines(module: str) -> list[str]:
+    """Return how to import a module of a subpackage, which is only an attribute of `jotlight`."""
+    name = module.rpartition(".")[2]
+    if sys.modules[module].__name__ == module:
+        return []
+    return [
+        f"Write ``jl.{name}``, or ``from jotlight import {name}``. The module lies in a "
+        f"subpackage, so ``import {module}`` fails.",
+        "",
+    ]
+
+
 def _page(each: Name, documentation: str, anchors: str) -> str:
     head = f"{each.path}\n{'=' * len(each.path)}\n\n.. currentmodule:: {each.module}\n\n"
     head += f".. raw:: html\n\n   {anchors}\n\n" if anchors else ""
+    head += "".join(f"{line}\n" for line in _import_lines(each.module))
     if inspect.isclass(each.value):
         bases = "" if each.value.__bases__ == (object,) else "   :show-inheritance:\n"
         return f"{head}.. autoclass:: {each.name}\n   :members:\n{bases}"
@@ -210,7 +223,7 @@ def _section_page(title: str, names: list[Name], summaries: dict[str, str]) -> s
     for module in dict.fromkeys(each.module for each in names):
         within = [each for each in names if each.module == module]
         if module != "jotlight":
-            lines += [module, "-" * len(module), ""]
+            lines += [module, "-" * len(module), "", *_import_lines(module)]
         lines += [".. list-table::", "   :class: api", ""]
         for each in within:
             lines += [

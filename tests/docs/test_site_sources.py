@@ -2,9 +2,12 @@
 
 import ast
 import importlib
+import sys
 from pathlib import Path
 
 import pytest
+
+import jotlight as jl
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -32,6 +35,21 @@ def links(monkeypatch):
 )
 def test_links_lead_to_the_site_or_to_the_repository(links, target, folder, site, expected):
     assert links.rewrite(f"see [it]({target}).", folder, site, "R") == f"see [it]({expected})."
+
+
+def test_pages_say_how_to_import_a_module_of_a_subpackage(monkeypatch):
+    pytest.importorskip("sphinx", reason="no Sphinx: pip install 'jotlight[site]'")
+    monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
+    pages = importlib.import_module("api_pages")
+    monkeypatch.setitem(sys.modules, "jotlight.gates", jl.gates)
+    name = pages.Name("jotlight.gates", "gate_dataset", jl.gates.gate_dataset)
+    for page in (
+        pages._page(name, "", ""),
+        pages._section_page("Methods", [name], {name.path: ""}),
+    ):
+        assert "\nWrite ``jl.gates``, or ``from jotlight import gates``." in page
+    other = pages.Name("jotlight.metrics", "psnr", jl.metrics.psnr)
+    assert "from jotlight import" not in pages._page(other, "", "")
 
 
 def test_every_example_has_a_title_and_ends_with_its_figure():
