@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
-from scipy.special import gammaincinv
+from scipy.special import gamma, gammaincinv
 
 import jotlight as jl
 from jotlight.metrics import psnr
+from jotlight.networks import dark_regions
 from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
 
 
@@ -18,27 +19,42 @@ def window(values):
     return gaussian_filter(values, 8.0, mode="reflect", truncate=4)
 
 
+@pytest.mark.parametrize("threshold", [1, 2, 8])
 @pytest.mark.parametrize("trials", [30, np.geomspace(4, 64, 48 * 40).reshape(48, 40)])
-def test_probabilities_are_those_of_the_twin(trials):
+def test_probabilities_are_those_of_the_twin(trials, threshold):
     rng = np.random.default_rng(0)
     p = rng.choice([1e-4, 1e-3, 1e-2, 0.2], (48, 40))
     fraction = rng.poisson(0.3 * trials * p) / trials
     empty = 1 / (1 + (p / 5e-4) ** 2)
     smooth = p + empty * (window(empty * trials * p) / window(empty * trials) - p)
     dark = 1 / (1 + (smooth / 5e-3) ** 2)
+    numbers = (4 * np.pi * 64 * window(dark * trials * x) for x in (fraction, smooth))
     ones, of_network = (
-        0.5 + 4 * np.pi * 64 * window(dark * trials * x) for x in (fraction, smooth)
+        (gamma(n + 1.5 / threshold) / gamma(n + 0.5 / threshold)) ** threshold for n in numbers
     )
-    expected = smooth * (1 + dark * (ones / of_network - 1))
+    expected = smooth * (ones / of_network) ** dark
     given = (np.float32(each) for each in (p, fraction))
     number = trials if isinstance(trials, int) else np.float32(trials)
-    found = match_dark_regions(*given, number)
-    np.testing.assert_allclose(found, expected, rtol=0.05)
+    found = match_dark_regions(*given, number, threshold)
+    # The intensity is about p^(1/q). The windows of the twin differ a little.
+    np.testing.assert_allclose(found ** (1 / threshold), expected ** (1 / threshold), rtol=0.05)
 
 
 def test_bright_probabilities_stay_as_they_are():
     p = np.random.default_rng(0).uniform(5e-3, 1, (16, 16)).astype(np.float32)
-    assert match_dark_regions(p, p, 16) is p
+    assert match_dark_regions(p, p, 16, 3) is p
+
+
+@pytest.mark.parametrize("threshold", [2, 3, 8])
+@pytest.mark.parametrize("ones", [0, 1, 7])
+def test_the_bits_of_a_dark_region_show_its_mean_intensity(threshold, ones):
+    # The integral over all intensities x, with the prior 1/√x, is the oracle.
+    x = np.linspace(0, 4, 400_001)[1:]
+    posterior = x ** (threshold * ones - 0.5) * np.exp(-(x**threshold))
+    mean = (x * posterior).sum() / posterior.sum()
+    number = np.full((1, 1), ones, np.float32)
+    found = dark_regions._expected_ones(number, threshold)
+    np.testing.assert_allclose(found, mean**threshold, rtol=0.02)
 
 
 @pytest.mark.parametrize(("threshold", "gain"), [(2, 9.0), (3, 15.0), (5, 30.0), (8, 150.0)])

@@ -5,10 +5,13 @@ probabilities of about 1e-3, which may be far too large. With a threshold q, the
 p^(1/q) there, so dark regions looked bright. Yet the bits of a neighborhood show its mean well. So
 the probability p of a one becomes::
 
-    p (1 + m (r - 1)),    r = (1/2 + sum of g m N) / (1/2 + sum of g m K p),
+    p r^m,    r = f(sum of g m N) / f(sum of g m K p),
+    f(n) = (Γ(n + 3/(2q)) / Γ(n + 1/(2q)))^q,
 
 where m = 1 / (1 + (p / p0)²) selects dark pixels, and N is the number of ones of K bits. The
-weights g of a Gaussian window sum to 4 π σ² pixels. Where the sum of K p is far below 1/2, nothing
+weights g of a Gaussian window sum to 4 π σ² pixels. f(n) is the number of ones that are expected at
+the mean intensity x, if n ones were observed, their expected number is proportional to x^q, and the
+prior is 1/√x. For q = 1, it is n + 1/2. Where the sum of K p is so small that f is f(0), nothing
 changes.
 
 Where p is even smaller, its differences between pixels are those of the filters of the network,
@@ -36,9 +39,6 @@ _EMPTY = 5e-4
 _SIGMA = 8.0
 """Standard deviation of the window in pixels."""
 
-_PRIOR = 0.5
-"""Number of ones, as expected, that are added to those of a window."""
-
 
 def may_have_dark_regions(image: Image, sensor: Sensor) -> bool:
     """Return whether an estimate has dark pixels whose brightness would be wrong.
@@ -65,7 +65,11 @@ def may_have_dark_regions(image: Image, sensor: Sensor) -> bool:
 
 
 def match_dark_regions(
-    probability: Image, fraction: Image, trials: LocalTrials, threads: int | None = None
+    probability: Image,
+    fraction: Image,
+    trials: LocalTrials,
+    threshold: int,
+    threads: int | None = None,
 ) -> Image:
     """Return probabilities of a one whose means in dark regions are those of the bits, (H, W).
 
@@ -77,13 +81,17 @@ def match_dark_regions(
         Fractions of ones.
     trials : int or ndarray of float32, shape (H, W)
         The local number of trials.
+    threshold : int
+        The threshold q.
     threads : int, optional
         Number of threads. Default: all.
 
     Examples
     --------
     >>> wrong, zeros = np.full((8, 8), 1e-3, np.float32), np.zeros((8, 8), np.float32)
-    >>> print(f"{match_dark_regions(wrong, zeros, 64).mean():.1e}")
+    >>> for threshold in (1, 4):
+    ...     print(f"{match_dark_regions(wrong, zeros, 64, threshold).mean():.1e}")
+    4.8e-05
     4.8e-05
     """
     p = np.maximum(probability, 0)
@@ -96,8 +104,19 @@ def match_dark_regions(
     bits = dark * trials
     pixels = 4 * math.pi * _SIGMA**2  # pixels that a Gaussian window weighs like a uniform one
     ones, expected = blur(np.stack([bits * fraction, bits * p]), _SIGMA, threads)
-    ratio = (_PRIOR + pixels * ones) / (_PRIOR + pixels * expected)
-    return np.asarray(p * (1 + dark * (ratio - 1)), np.float32)
+    ratio = _expected_ones(pixels * ones, threshold) / _expected_ones(pixels * expected, threshold)
+    return np.asarray(p * ratio**dark, np.float32)
+
+
+def _expected_ones(ones: Image, threshold: int) -> Image:
+    """Return f(n), the ones that are expected at the mean intensity of windows with n ones."""
+    if threshold == 1:
+        return ones + np.float32(0.5)
+    from scipy.special import gammaln
+
+    n = ones.astype(np.float64)
+    ratio = gammaln(n + 1.5 / threshold) - gammaln(n + 0.5 / threshold)
+    return np.asarray(np.exp(threshold * ratio))
 
 
 def _below(p: Image, limit: float) -> Image:

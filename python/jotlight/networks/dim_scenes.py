@@ -144,6 +144,7 @@ def denoise_dim(
     network: ConditionalNetwork,
     fractions: Image,
     trials: Sequence[LocalTrials],
+    threshold: int,
     smallest: int = 1,
     *,
     threads: int | None = None,
@@ -160,6 +161,8 @@ def denoise_dim(
         Fractions of ones.
     trials : sequence of int or ndarray of float32, shape (H, W)
         The local number of trials of each image.
+    threshold : int
+        The threshold q.
     smallest : int
         The smallest K of the network.
     threads : int, optional
@@ -172,7 +175,7 @@ def denoise_dim(
     scaled = np.stack([part.fraction for part in dim])
     found = denoise_fractions(network, scaled, [part.trials for part in dim], threads=threads)
     matched = iter(
-        match_dark_regions(image, part.fraction, part.trials, threads) / part.factor
+        match_dark_regions(image, part.fraction, part.trials, threshold, threads) / part.factor
         for image, part in zip(found, dim, strict=True)
     )
     return [None if part is None else (next(matched), ~part.full) for part in each]

@@ -203,14 +203,15 @@ class Inference:
             fractions = equivalent_counts(pixels, reference_jot(pixels.sensor), 1, threads)
         trials = count_local_trials(pixels, threads)
         smallest, _ = cast(tuple[int, int], self.network.trials_range)
-        better = denoise_dim(self.network, fractions, trials, smallest, threads=threads)
+        threshold = pixels.sensor.threshold
+        better = denoise_dim(self.network, fractions, trials, threshold, smallest, threads=threads)
         for index, result, fraction, each in zip(chosen, better, fractions, trials, strict=True):
             image = found[index]
             if result is not None:
                 probability, holds = result
             elif may_have_dark_regions(image, sensor):
                 probability = response_of(pixels.sensor)(image).astype(np.float32)
-                probability = match_dark_regions(probability, fraction, each, threads)
+                probability = match_dark_regions(probability, fraction, each, threshold, threads)
                 holds = probability < 0.5  # other pixels stay exactly as they are
             else:
                 continue

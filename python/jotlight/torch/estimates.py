@@ -219,10 +219,11 @@ def improve_dim(
             trials, factor, stays = cast(int, found.trials), found.factor, found.full
             scaled = torch.from_numpy(found.fraction * np.float32(trials)).to(intensity)[None, None]
             (probability,) = _values(probability_of(network, scaled, trials, trials_range)[0])
-            matched = match_dark_regions(probability, found.fraction, trials) / factor
+            matched = match_dark_regions(probability, found.fraction, trials, sensor.threshold)
+            matched = matched / factor
         elif is_dark:
             probability = response_of(sensor)(image[0]).astype(np.float32)
-            matched = match_dark_regions(probability, fraction, sensor.trials)
+            matched = match_dark_regions(probability, fraction, sensor.trials, sensor.threshold)
             stays = probability >= 0.5
         else:
             continue
