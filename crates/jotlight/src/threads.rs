@@ -87,6 +87,9 @@ impl Drop for OwnPool {
     }
 }
 
+/// Work that writes its result where its owner finds it.
+type Work<'a> = &'a mut (dyn FnMut() + Send);
+
 /// A pool of threads.
 struct Pool {
     /// The process that owns the threads. A fork does not copy threads, so a child process cannot
@@ -130,14 +133,16 @@ pub fn install_interruptible<R: Send>(
         let expected = format!("at least 1 and at most {MAX_THREADS}");
         return Err(Error::range("threads", expected, threads));
     }
-    OWN_POOL.with(|own| {
-        if let Some(pool) = own_pool(own, threads)
-            && let Some(own_work) = OwnWork::begin(is_interrupted)
-        {
-            let result = pool.install(work);
-            return own_work.end(result);
-        }
-        run_in_pool(threads, is_interrupted, work)
+    run_once(work, |work| {
+        OWN_POOL.with(|own| {
+            if let Some(pool) = own_pool(own, threads)
+                && let Some(own_work) = OwnWork::begin(is_interrupted)
+            {
+                pool.install(work);
+                return own_work.end(Ok(()));
+            }
+            run_in_pool(threads, is_interrupted, work)
+        })
     })
 }
 
@@ -150,10 +155,26 @@ pub fn install_alone<R: Send>(
     work: impl FnOnce() -> Result<R> + Send,
 ) -> Result<R> {
     let Some(own_work) = OwnWork::begin(is_interrupted) else {
-        return run_in_pool(1, is_interrupted, work);
+        return run_once(work, |work| run_in_pool(1, is_interrupted, work));
     };
     let result = work();
     own_work.end(result)
+}
+
+/// Run `work` by `runner`, which calls it once, and return its result or the error of `runner`.
+///
+/// So the rest of this module is compiled once, and not for each kind of work.
+fn run_once<R: Send>(
+    work: impl FnOnce() -> Result<R> + Send,
+    runner: impl FnOnce(Work<'_>) -> Result<()>,
+) -> Result<R> {
+    let (mut work, mut result) = (Some(work), Err(Error::Interrupted));
+    runner(&mut || {
+        if let Some(work) = work.take() {
+            result = work();
+        }
+    })?;
+    result
 }
 
 /// Return the number of cores that the process had at its first call.
@@ -177,11 +198,7 @@ fn own_pool(own: &OnceCell<OwnPool>, threads: usize) -> Option<&ThreadPool> {
     own.get()?.for_threads(threads)
 }
 
-fn run_in_pool<R: Send>(
-    threads: usize,
-    is_interrupted: fn() -> bool,
-    work: impl FnOnce() -> Result<R> + Send,
-) -> Result<R> {
+fn run_in_pool(threads: usize, is_interrupted: fn() -> bool, work: Work<'_>) -> Result<()> {
     let pool = match take_idle_pool(threads) {
         Some(pool) => pool,
         None => start_pool(threads)?,
@@ -200,18 +217,13 @@ fn run_in_pool<R: Send>(
 }
 
 impl Pool {
-    fn run<R: Send>(
-        &self,
-        is_interrupted: fn() -> bool,
-        work: impl FnOnce() -> Result<R> + Send,
-    ) -> Result<R> {
+    fn run(&self, is_interrupted: fn() -> bool, work: Work<'_>) -> Result<()> {
         let is_done = Arc::new(AtomicBool::new(false));
-        let mut result = Err(Error::Interrupted);
         self.workers.in_place_scope(|scope| {
             let end = EndOfWork(Arc::clone(&is_done), current());
             scope.spawn(|_| {
                 let _end = end;
-                result = work();
+                work();
             });
             // The wait at the end of the scope could start long jobs of the caller's own pool, so it
             // begins after the work.
@@ -227,7 +239,7 @@ impl Pool {
         if self.interrupt.lower() {
             return Err(Error::Interrupted);
         }
-        result
+        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! The forward pass of layers: from bits or sums to images in arrays of the caller.
 
 use jotlight::bits::PackedBits;
-use jotlight::network::{self, write_images};
+use jotlight::network::{Compiled, write_images};
 use numpy::{PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
@@ -24,7 +24,7 @@ pub fn forward(
     let layers = engine_layers(&layers);
     run(py, threads, || {
         write_images(sums, out, |sums, out| {
-            network::forward_planes(&layers, sums, out)
+            f32::forward_planes(&layers, sums, out)
         })
     })
 }
@@ -45,7 +45,7 @@ pub fn forward_bits(
     let layers = engine_layers(&layers);
     run(py, threads, || {
         write_images(packed, out, |packed, out| {
-            network::forward_bits(&layers, &PackedBits::new(packed, width)?, out)
+            f32::forward_bits(&layers, &PackedBits::new(packed, width)?, out)
         })
     })
 }

@@ -1,8 +1,7 @@
 //! Splines without filters. PyTorch networks use them as their nonlinearities.
 
 use jotlight::error::Result;
-use jotlight::network::Splines;
-use jotlight::numbers::Real;
+use jotlight::network::{Compiled, Splines};
 use numpy::{Element, IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -37,7 +36,7 @@ pub fn activate<'py>(
     for_precision!(planes, planes => activate_planes(py, planes, (start, spacing), threads))
 }
 
-fn activate_planes<'py, F: Real + Element>(
+fn activate_planes<'py, F: Compiled + Element>(
     py: Python<'py>,
     (planes, coefficients): PlanesAndCoefficients<'_, F>,
     (start, spacing): (f64, f64),
@@ -45,7 +44,8 @@ fn activate_planes<'py, F: Real + Element>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let (planes, coefficients) = (planes.as_array(), coefficients.as_array());
     let out = run_splines(py, threads, planes.len(), || {
-        Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?.activate(planes)
+        let splines = Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?;
+        F::activate(&splines, planes)
     })?;
     Ok(out.into_pyarray(py).into_any())
 }
@@ -65,7 +65,7 @@ pub fn activate_backward<'py>(
     for_precision!(planes, planes => pull_back(py, planes, gradient, (start, spacing), threads))
 }
 
-fn pull_back<'py, F: Real + Element>(
+fn pull_back<'py, F: Compiled + Element>(
     py: Python<'py>,
     (planes, coefficients): PlanesAndCoefficients<'_, F>,
     gradient: &Bound<'py, PyAny>,
@@ -80,8 +80,8 @@ fn pull_back<'py, F: Real + Element>(
     let (planes, coefficients) = (planes.as_array(), coefficients.as_array());
     let gradient = gradient.as_array();
     let (out, sums) = run_splines(py, threads, planes.len(), || {
-        Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?
-            .pull_back(planes, gradient)
+        let splines = Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?;
+        F::pull_back(&splines, planes, gradient)
     })?;
     Ok((out.into_pyarray(py).into_any(), sums.into_pyarray(py)))
 }

@@ -1,6 +1,6 @@
 //! The cost of a network on a batch, its gradient, and its normal equations.
 
-use jotlight::network::{Batch, Patch};
+use jotlight::network::{Batch, Compiled, Patch};
 use ndarray::Axis;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::exceptions::PyValueError;
@@ -98,7 +98,7 @@ pub fn squared_errors<'py>(
     let batch = batch.to_engine()?;
     let (squared_errors, pixels) = for_precision!(layers, layers => {
         let layers = all_to_engine(&layers)?;
-        run(py, threads, || batch.squared_errors(&layers))
+        run(py, threads, || Compiled::squared_errors(&batch, &layers))
     })?;
     Ok(to_arrays(py, squared_errors, pixels))
 }
@@ -115,7 +115,7 @@ pub fn gradient<'py>(
     let batch = batch.to_engine()?;
     let result = for_precision!(layers, layers => {
         let layers = all_to_engine(&layers)?;
-        run(py, threads, || batch.gradient(&layers))
+        run(py, threads, || Compiled::gradient(&batch, &layers))
     })?;
     let squared_errors = to_arrays(py, result.squared_errors, result.pixels);
     Ok((squared_errors, result.gradient.into_pyarray(py)))
@@ -133,7 +133,7 @@ pub fn normal_equations<'py>(
     let batch = batch.to_engine()?;
     let result = for_precision!(layers, layers => {
         let layers = all_to_engine(&layers)?;
-        run(py, threads, || batch.normal_equations(&layers))
+        run(py, threads, || Compiled::normal_equations(&batch, &layers))
     })?;
     let gradient = result.gradient;
     let squared_errors = to_arrays(py, gradient.squared_errors, gradient.pixels);

@@ -13,10 +13,12 @@
 //! 8. `model` reads networks from files, computes their parameters for a K, and reconstructs images.
 //! 9. `training` computes the cost, its gradient, and the normal equations (equations (12)
 //!    and (14) to (19)).
+//! 10. `compiled` compiles these functions for both types of numbers.
 //!
 //! Functions are generic over `f32` and `f64`. Images are computed in `f32`. Tests use `f64` for
 //! accurate reference values.
 
+mod compiled;
 mod convolution;
 mod first_layer;
 mod forward;
@@ -29,6 +31,7 @@ mod spline;
 mod tiling;
 mod training;
 
+pub use compiled::Compiled;
 pub use forward::{
     forward, forward_bits, forward_counts, forward_planes, forward_tied_bits, masked_sums,
 };
