@@ -58,3 +58,18 @@ def test_other_thresholds_are_refused(calibrate):
         calibrate(dark, threshold=1)
     with pytest.raises(ValueError, match=r"^flat: .* 2, as those of dark, got bits of threshold 3"):
         calibrate(dark, flat)
+
+
+def test_read_noise_is_not_counted_again_beside_measured_dark_counts():
+    sensor = jl.Sensor(frames=64, dark_counts=0.1, read_noise=0.3)
+    bits = sensor.expose(DARK, rng=0)
+    calibration = jl.calibrate(jl.Bits(bits.packed, bits.width))
+    for sensor_of in (
+        lambda **changes: calibration.sensor(bits, **changes),
+        lambda **changes: calibration.sensor(64, **{"read_noise": 0.3, **changes}),
+        lambda **changes: calibration.applied_to(sensor, **changes),
+    ):
+        with pytest.raises(ValueError, match=r"^read_noise: expected 0 .*, got 0.3; state"):
+            sensor_of()
+        np.testing.assert_array_equal(sensor_of(read_noise=0).dark_counts, calibration.dark_counts)
+        assert sensor_of(dark_counts=0.1).read_noise == 0.3

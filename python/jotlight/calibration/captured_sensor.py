@@ -1,4 +1,4 @@
-"""The check that the bits of a calibration are those that it assumes."""
+"""The checks that the sensor of bits is one that a calibration assumes."""
 
 import numbers
 
@@ -47,6 +47,24 @@ def captured_threshold(threshold: int | None, **captures: object) -> int:
                 f"state threshold={value} (--threshold {value}), or leave it out"
             )
     return stated
+
+
+def refuse_read_noise(sensor: Sensor) -> None:
+    """Raise ValueError for a sensor with read noise, which measured dark counts contain.
+
+    Examples
+    --------
+    >>> refuse_read_noise(Sensor(read_noise=0.3))
+    Traceback (most recent call last):
+      ...
+    ValueError: read_noise: expected 0 with the dark counts of a calibration, ..., got 0.3; ...
+    """
+    if sensor.read_noise:
+        raise ValueError(
+            "read_noise: expected 0 with the dark counts of a calibration, which contain the ones "
+            f"that read noise causes, got {sensor.read_noise:g}; state read_noise=0 "
+            "(--read-noise 0), or dark counts without read noise, dark_counts=… (--dark-counts)"
+        )
 
 
 def _threshold_of(name: str, data: object) -> int | None:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.calibration.agreement import warn_about_conflict
 from jotlight.calibration.bulk import Bulk
+from jotlight.calibration.captured_sensor import refuse_read_noise
 from jotlight.calibration.fields import CalibrationFields
 from jotlight.calibration.figure import facts, page
 from jotlight.calibration.files import MAPS, checked_fields
@@ -96,7 +97,8 @@ class Calibration(CalibrationFields):
         Raises
         ------
         TypeError, ValueError
-            When the bits have another size, orientation, or region than the calibration.
+            When the bits have another size, orientation, or region than the calibration, or when
+            the sensor has read noise, which the dark counts of the calibration contain.
 
         Warns
         -----
@@ -142,7 +144,8 @@ class Calibration(CalibrationFields):
         Raises
         ------
         ValueError
-            If the sensor contradicts the maps, or its pixels have jots behind several filters.
+            If the sensor contradicts the maps, its pixels have jots behind several filters, or it
+            has read noise, unless the changes contain `dark_counts`.
         """
         # Dark counts are detections, not bits, so they hold for any threshold.
         maps: dict[str, Any] = {"dark_counts": self.dark_counts, "mask": self._joined(sensor.mask)}
@@ -152,6 +155,8 @@ class Calibration(CalibrationFields):
             side = changes.get("oversampling", sensor.oversampling)
             maps["mosaic"] = mosaic_of_pixels(self.mosaic, side)
         applied = sensor.replace(**{**maps, **changes})
+        if "dark_counts" not in changes:
+            refuse_read_noise(applied)
         if "gain" in changes or "efficiency" in changes:
             return applied
         return applied.replace(gain=applied.gain * self.scale)
