@@ -1,5 +1,8 @@
 """Objects keep arrays that the caller cannot change."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -8,6 +11,14 @@ from jotlight.arrays import frozen, read_only
 from jotlight.motion.motion import Motion
 
 SENSOR = jl.Sensor(frames=8)
+NODES, INFORMATION = np.zeros((1, 2, 2, 1, 1), np.float32), np.ones((1, 2, 3, 1, 1), np.float32)
+LABELS = np.zeros((16, 16), np.uint8)
+OBJECTS = [
+    jl.Sensor(dark_counts=np.full((8, 8), 0.1), mask=np.eye(8, dtype=bool), mosaic="RGGB"),
+    jl.Merged(np.ones((8, 8), int), np.full((8, 8), 8.0), SENSOR, flags=np.eye(8, dtype=bool)),
+    jl.Likelihood([1, 2], [3, 4], dark_counts=[0.1, 0.2]),
+    Motion(NODES, LABELS, np.array([0.0, 6.0]), 0.0, "affine", INFORMATION),
+]
 
 
 def test_frozen_arrays_are_copied_once():
@@ -60,3 +71,16 @@ def test_a_motion_does_not_change_with_the_callers_arrays():
     motion = Motion(nodes, labels, times, 0.0, "affine", information)
     nodes[:], labels[:], times[:] = 3, 9, np.nan
     assert (motion.at(3) == 0).all()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])
+@pytest.mark.parametrize("original", OBJECTS, ids=lambda each: type(each).__name__)
+def test_arrays_of_copies_are_read_only_too(original, copied):
+    mosaic = getattr(original, "mosaic", None)
+    for each in filter(None, (original, mosaic)):
+        same = vars(copied(each))
+        arrays = [name for name, value in vars(each).items() if isinstance(value, np.ndarray)]
+        assert arrays
+        for name in arrays:
+            np.testing.assert_array_equal(same[name], vars(each)[name])
+            assert not same[name].flags.writeable, name

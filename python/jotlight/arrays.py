@@ -6,6 +6,27 @@ import numpy as np
 import numpy.typing as npt
 
 
+class HasReadOnlyArrays:
+    """A base class of objects whose arrays also stay read-only in copies and after pickling.
+
+    Examples
+    --------
+    >>> import copy
+    >>> class Ramp(HasReadOnlyArrays):
+    ...     def __init__(self):
+    ...         self.values = frozen(np.arange(3))
+    >>> copy.deepcopy(Ramp()).values.flags.writeable
+    False
+    """
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take the attributes of another object, from `pickle` or `copy`."""
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        vars(self).update(state)
+
+
 def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return a view of an array that cannot be written to.
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path, as_tensors_path
-from jotlight.arrays import frozen
+from jotlight.arrays import HasReadOnlyArrays, frozen
 from jotlight.checks import real_number, shown, to_array
 from jotlight.motion.figure import draw_change, draw_paths
 from jotlight.motion.labels import choose
@@ -53,7 +53,7 @@ _FIELDS = {
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(HasReadOnlyArrays):
     """The motion of a scene, as seen from a reference time.
 
     The scene point that jot x shows at the time `reference` is at x + u(x, t) at time t.

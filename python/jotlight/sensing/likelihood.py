@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.arrays import frozen
+from jotlight.arrays import HasReadOnlyArrays, frozen
 from jotlight.checks import check_threads, to_array, type_of, whole_number_in_range
 from jotlight.sensing.response import Array
 from jotlight.sensing.stacks import select
@@ -24,7 +24,7 @@ from jotlight.sensing.values import (
 )
 
 
-class Likelihood:
+class Likelihood(HasReadOnlyArrays):
     """ℓ(s) = Σ L log P(q, η s + d) + (n - L) log(1 - P(q, η s + d)), a function of the light s.
 
     A cell is a jot, or a pixel whose jots all receive the same light. The light of a cell is its

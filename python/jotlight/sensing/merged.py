@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.arrays import frozen
+from jotlight.arrays import HasReadOnlyArrays, frozen
 from jotlight.checks import as_counts, positive_number, to_array, whole_number_in_range
 from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
@@ -24,7 +24,7 @@ MAX_SILENT_TRIALS = 0.01
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Merged:
+class Merged(HasReadOnlyArrays):
     """Counts of pixels with different numbers of trials, such as bits merged along a motion.
 
     All methods and all tied networks accept it in place of counts.

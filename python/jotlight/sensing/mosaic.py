@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.arrays import HasReadOnlyArrays
 from jotlight.sensing import mosaic_checks, mosaic_text
 
 Pattern = npt.NDArray[np.uint8]
@@ -19,7 +20,7 @@ _BAYER = ("RGGB", "BGGR", "GRBG", "GBRG")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Mosaic:
+class Mosaic(HasReadOnlyArrays):
     """A color filter on each pixel of a sensor.
 
     A pixel with a filter that passes the shares t of red, green, and blue sees the light of the

@@ -6,6 +6,7 @@ from typing import Any, Self, cast
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.arrays import HasReadOnlyArrays
 from jotlight.checks import number_in_range, refuse_masked, shown, whole_number_in_range
 from jotlight.parameter_names import check_choice, require_names
 from jotlight.sensing import reading_checks, reading_groups
@@ -22,7 +23,7 @@ KERNELS = ("box", "linear", "quadratic", "cubic")
 
 @require_names("Sensor(frames=16)")
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Sensor(Exposure):
+class Sensor(Exposure, HasReadOnlyArrays):
     """A quanta image sensor: each jot reports 1 when it detects at least `threshold` photons.
 
     Readings of several bits state the number of photons (`bit_depth`).
