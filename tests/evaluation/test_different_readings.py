@@ -53,6 +53,15 @@ def test_networks_get_better_counts_than_those_of_merge_readings(captured):
     assert error(direct, truth) < error(merged, truth)
 
 
+def test_networks_warn_once_about_dead_pixels_of_readings():
+    sensor = jl.Sensor(frames=4, gain=12.0, bit_depth=4, mask=np.eye(24, dtype=bool))
+    readings = sensor.expose(np.full((24, 24), 0.5), rng=0)
+    for run in (jl.reconstruct, jl.uncertainty):
+        with pytest.warns(jl.JotlightWarning) as caught:
+            run(readings)
+        assert [str(each.message).split(" ")[0] for each in caught] == ["24"]
+
+
 @pytest.mark.parametrize(("frames", "photons", "largest"), [(1, 12.0, 0.08), (8, 18.0, 0.16)])
 def test_mostly_saturated_readings_of_two_bits_are_hardly_too_dark(frames, photons, largest):
     # About half of the pixels have only the largest readings. The likelihood of 8 of them is nearly

@@ -33,14 +33,15 @@ def test_the_result_is_reproducible():
     np.testing.assert_allclose(first, second, atol=1e-5)
 
 
-def test_a_warning_about_dead_pixels_comes_from_all_bits():
-    trials = np.full((24, 24), 2000)
+def test_one_warning_about_dead_pixels_comes_from_all_bits():
+    trials = np.full((48, 48), 2000)
     trials[3, 4] = 0
-    counts = np.random.default_rng(2).binomial(trials, 0.2)
+    counts = np.random.default_rng(2).binomial(trials, 0.1 + 0.4 * PHOTOGRAPH[80:128, 80:128])
     with pytest.warns(jl.JotlightWarning) as caught:
         estimate = held_out(counts, jl.Sensor(frames=2000), trials=trials)
-    assert {str(each.message).split(" ")[0] for each in caught} == {"1"}
-    assert estimate[3, 4] == pytest.approx(-np.log(0.8), abs=0.02)
+    assert [str(each.message).split(" ")[0] for each in caught] == ["1"]
+    around = estimate[2:5, 3:6]
+    assert around.min() < estimate[3, 4] < around.max()
 
 
 def test_jots_that_differ_inside_a_pixel_are_served():

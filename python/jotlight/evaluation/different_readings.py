@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from jotlight.blur import blur
+from jotlight.errors import hide_warnings
 from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import merge_joint
 from jotlight.estimators.reference_sensors import reference_sensor
@@ -133,7 +134,8 @@ def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
         return merged
     network = pretrained_conditional(merged.sensor, DEFAULT_SIZE)
     for _ in range(_ROUNDS):
-        estimate = network.reconstruct(merged, threads=threads)
+        with hide_warnings():  # the estimate from the result warns, too
+            estimate = network.reconstruct(merged, threads=threads)
         merged = merging.near(blur(estimate, _NEIGHBORHOOD, threads))
     return merged
 

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
 from jotlight.estimators.admm import admm_tv
+from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
 from jotlight.estimators.mle import mle
 from jotlight.evaluation.blend_weights import blend_weights
 from jotlight.layout import Layout, join
@@ -167,12 +168,16 @@ def blend(
     ]
     estimates, shares = [], []
     for part in images.parts(sensor):
-        weights = _used_weights(_choose_weights(methods, part, sensor, threads))
+        pixels = part.count(sensor, threads)
+        weights = _used_weights(_choose_weights(methods, pixels, threads))
         total = np.zeros(weights.shape[1:], np.float32)
         for weight, method in zip(weights, methods, strict=True):
             places = np.flatnonzero(weight.any(axis=(1, 2)))
             if len(places):
-                total[places] += weight[places] * method(part.select(places.tolist()))
+                with hide_warnings(NO_VALID_BIT):
+                    total[places] += weight[places] * method(part.select(places.tolist()))
+        if pixels.dead_pixels is not None:
+            warn_about_dead_pixels(pixels.dead_pixels)
         estimates.append(np.clip(total, 0, np.float32(sensor.max_intensity)))
         shares.extend(weights.mean(axis=(2, 3), dtype=np.float64).T)
     mean = np.mean(shares, axis=0)
@@ -199,12 +204,10 @@ Method = Callable[[GrayImages], Estimate]
 """A method of the blend, which returns the estimates (N, H, W)."""
 
 
-def _choose_weights(
-    methods: list[Method], images: GrayImages, sensor: Sensor, threads: int | None
-) -> Estimate:
+def _choose_weights(methods: list[Method], pixels: PixelCounts, threads: int | None) -> Estimate:
     """Return the weight of each method at each pixel, (M, N, H, W)."""
-    pixels = images.count(sensor, threads)
-    each = [pixels.select([place]) for place in range(len(images))]
+    sensor = pixels.sensor
+    each = [pixels.select([place]) for place in range(len(pixels.counts))]
     held_out = [_hold_out(one) for one in each]
     training = [
         Merged(
