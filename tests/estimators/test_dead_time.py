@@ -253,6 +253,41 @@ def test_pixels_with_only_saturated_neighbors_are_flagged():
     assert not merged.flags[:, :16].any()
 
 
+@pytest.mark.parametrize("near", [True, False])
+def test_dead_pixels_have_no_trials_and_no_effect(near):
+    scene = jl.datasets.photograph("camera")[100:164, 180:252].astype(float)
+    counts, dead = COUNTING[0].draw(400 * scene, rng=0), np.zeros(scene.shape, bool)
+    dead[::5, ::4] = True
+    merged, other = (
+        COUNTING[0].merge(np.where(dead, fill, counts), 400.0, mask=dead, near_neighbors=near)
+        for fill in (0, 10_000)
+    )
+    np.testing.assert_array_equal(merged.trials == 0, dead)
+    np.testing.assert_array_equal(merged.sensor.mask, dead)
+    for name in ("ones", "trials"):
+        np.testing.assert_array_equal(getattr(merged, name), getattr(other, name))
+    all_live = COUNTING[0].merge(counts, 400.0, near_neighbors=near)
+    fractions = [each.ones[~dead].sum() / each.trials[~dead].sum() for each in (merged, all_live)]
+    assert fractions[0] == pytest.approx(fractions[1], rel=2e-3)
+    with pytest.warns(jl.JotlightWarning, match="no valid bit"):
+        estimate = jl.mle(merged)
+    assert estimate[20, 20] == pytest.approx(estimate[19:22, 19:22].mean(), rel=0.2)
+
+
+def test_wrong_masks_of_dead_pixels_are_refused():
+    counts = np.full((4, 6), 7)
+    merge = COUNTING[0].merge
+    with pytest.raises(ValueError, match=r"mask: expected .*\(4, 6\)"):
+        merge(counts, 9.0, mask=np.zeros((6, 4), bool))
+    with pytest.raises(ValueError, match="expected at least one pixel with a valid bit"):
+        merge(counts, 9.0, mask=np.ones((4, 6), bool))
+    masked = np.ma.array(counts, mask=np.eye(4, 6, dtype=bool))
+    with pytest.raises(TypeError, match=r"masked one; fill it, .* merge\(counts, light, mask="):
+        merge(masked, 9.0)
+    with pytest.raises(TypeError, match="mask: expected a plain array, got a masked one"):
+        merge(counts, 9.0, mask=masked == 7)
+
+
 def test_networks_and_intervals_take_them():
     scene = jl.datasets.photograph("camera")[::4, ::4].astype(float)
     pixel = jl.FreeRunning(dead_time=0.02)

@@ -95,6 +95,7 @@ def test_a_constant_map_is_as_uniform_as_a_number():
         ((ONES, 8, SENSOR), {"flags": TRIALS}, TypeError, "flags: expected an array of bool"),
         ((ONES, 8, SENSOR), {"flags": [True]}, ValueError, "flags: expected one value per pixel"),
         ((ONES, 8, SENSOR), {"light_share": 0}, ValueError, "light_share: expected a finite num"),
+        ((ONES, 8, SENSOR), {"valid_up_to": 0}, ValueError, "valid_up_to: expected a finite num"),
     ],
 )
 def test_arguments_that_do_not_fit_are_refused(arguments, options, error, message):
@@ -114,6 +115,39 @@ def test_the_sensor_is_the_given_one_or_that_of_the_data():
         prepare_data(jl.Bits(bits.packed, bits.width), None)
     with pytest.raises(TypeError, match=r"sensor: expected a jotlight.Sensor, such as"):
         prepare_data(ONES, 8)
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        jl.reconstruct,
+        jl.uncertainty,
+        jl.mle,
+        jl.admm_tv,
+        lambda data, sensor: jl.pretrained(sensor, "two-layer").reconstruct(data, sensor),
+    ],
+)
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"mask": np.eye(2, 3, dtype=bool)}, "mask: expected that of .*; state the dead pixels"),
+        ({"dark_counts": 0.02}, "dark_counts: expected that of the sensor of the merged counts"),
+        ({"efficiency": 0.25}, "efficiency: expected that of the sensor of the merged counts"),
+        ({"max_intensity": 4.5}, "max_intensity: expected at most 4, .* merge the readings again"),
+    ],
+)
+def test_a_sensor_that_contradicts_the_counts_is_refused(run, changes, message):
+    merged = jl.Merged(ONES, 8, SENSOR, valid_up_to=4.0)
+    with pytest.raises(ValueError, match=message):
+        run(merged, SENSOR.replace(**changes))
+
+
+def test_other_sensors_are_accepted():
+    merged = jl.Merged(ONES, 8, SENSOR.replace(mask=np.eye(2, 3, dtype=bool)), valid_up_to=4.0)
+    for data in (merged, [merged, merged]):
+        assert prepare_data(data, SENSOR.replace(max_intensity=4.0))[1].mask is None
+    with pytest.raises(ValueError, match="mask: expected that of"):
+        prepare_data([merged, merged], SENSOR.replace(mask=np.zeros((2, 3), bool)))
 
 
 def test_trials_turn_counts_into_merged_counts():

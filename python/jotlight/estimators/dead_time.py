@@ -7,9 +7,16 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, number_in_range, positive_number, shown, to_array, type_of
-from jotlight.estimators.merge_detections import merge_near_neighbors
-from jotlight.estimators.merge_readings import counts_of_equal_likelihood, round_ones
+from jotlight.checks import (
+    as_counts,
+    number_in_range,
+    positive_number,
+    refuse_masked,
+    shown,
+    to_array,
+    type_of,
+)
+from jotlight.estimators.merge_detections import merge_at_maximum, merge_near_neighbors
 from jotlight.estimators.reference_sensors import MAX_RATE
 from jotlight.estimators.renewal import Renewal
 from jotlight.interrupts import interruptible
@@ -32,6 +39,8 @@ _ADVICE = (
 
 _SATURATED_RATE = 1e30
 """Higher rates count as this one, at which all pixels are at saturation."""
+
+_MASKED_ADVICE = "fill it, and pass its mask to merge(counts, light, mask=…)"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -242,6 +251,7 @@ class FreeRunning:
         counts: npt.ArrayLike,
         light: float,
         *,
+        mask: npt.ArrayLike | None = None,
         max_intensity: float = 1.0,
         near_neighbors: bool = True,
     ) -> Merged:
@@ -257,6 +267,8 @@ class FreeRunning:
             The counts.
         light : float
             Photons per exposure at intensity 1, above 0.
+        mask : array_like of bool, shape (H, W), optional
+            True marks dead pixels. Their counts have no effect. Default: no pixel is dead.
         max_intensity : float
             S: the largest intensity, above 0. Estimates lie in [0, S].
         near_neighbors : bool
@@ -292,6 +304,7 @@ class FreeRunning:
         """
         light = positive_number("light", light)
         largest = positive_number("max_intensity", max_intensity)
+        refuse_masked("counts", counts, _MASKED_ADVICE)
         image = as_counts(counts)
         if image.ndim != 2:
             raise ValueError(f"counts: expected one image of shape (H, W), got {image.shape}")
@@ -308,31 +321,15 @@ class FreeRunning:
             efficiency=self.efficiency,
             dark_counts=self.dark_counts / frames,
             max_intensity=largest,
+            mask=None if mask is None else to_array("mask", mask),
         )
-        flags = None
-        if near_neighbors:
-            ones, trials, flags = merge_near_neighbors(self, self._checked(image), light, sensor)
-        else:
-            # There are few distinct counts. Each needs a sum over all possible counts.
-            distinct, places = np.unique(image, return_inverse=True)
-            places = places.reshape(image.shape)
-            each = self._equivalent(distinct, light, sensor)
-            ones, trials = round_ones(*(values[places] for values in each))
-        return Merged(ones, trials, sensor, flags=flags, light_share=1 / frames)
-
-    def _equivalent(
-        self, counts: npt.NDArray[np.integer], light: float, sensor: Sensor
-    ) -> tuple[Array, Array]:
-        """Return the equivalent ones and trials of each count, before rounding."""
-        likely = self.mle(counts) / light
-        intensity = np.clip(likely, 0, sensor.max_intensity)
-        is_inside = (likely > 0) & (likely < sensor.max_intensity)
-        gradient = np.where(is_inside, 0.0, light * self.score(counts, light * intensity))
-        information = light**2 * self.information(light * intensity)
-        slope = self.efficiency * sensor.light_per_intensity
-        rate = slope * intensity + self.dark_counts / sensor.frames
-        ends = {"is_dark": counts == 0, "is_full": counts == self.max_count}
-        return counts_of_equal_likelihood(gradient, information, slope, rate, rate, **ends)
+        sensor.check_map_shapes(*image.shape)
+        detections = self._checked(image if sensor.mask is None else image * ~sensor.mask)
+        merge = merge_near_neighbors if near_neighbors else merge_at_maximum
+        ones, trials, flags = merge(self, detections, light, sensor)
+        return Merged(
+            ones, trials, sensor, flags=flags, light_share=1 / frames, valid_up_to=largest
+        )
 
     def _rate(self, light: npt.ArrayLike) -> Array:
         levels = np.asarray(to_array("light", light), np.float64)
@@ -342,6 +339,7 @@ class FreeRunning:
         return np.minimum(self.efficiency * levels + self.dark_counts, _SATURATED_RATE)
 
     def _checked(self, counts: npt.ArrayLike, beyond: int = 0) -> npt.NDArray[np.int64]:
+        refuse_masked("counts", counts, _MASKED_ADVICE)
         values = to_array("counts", counts)
         if values.dtype.kind not in "iu":
             raise ValueError(

@@ -145,7 +145,15 @@ class Merging:
         reference = reference_sensor(joint.sensor)
         efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
         share = light_share(joint.sensor, reference)
-        return Merged(whole, trials, reference, dark_counts, efficiency, light_share=share)
+        return Merged(
+            whole,
+            trials,
+            reference,
+            dark_counts,
+            efficiency,
+            light_share=share,
+            valid_up_to=reference.max_intensity,
+        )
 
     def _toward_most_likely(self, near: Array) -> Array:
         """Return intensities between given ones and the most likely ones, (H, W)."""

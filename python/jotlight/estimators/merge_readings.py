@@ -110,7 +110,14 @@ def merge_joint(joint: JointLikelihood) -> Merged:
     efficiency, dark_counts = mean_jots(reference)
     ones, trials = counts_at_maximum(joint, reference)
     share = light_share(joint.sensor, reference)
-    return Merged(*round_ones(ones, trials), reference, dark_counts, efficiency, light_share=share)
+    return Merged(
+        *round_ones(ones, trials),
+        reference,
+        dark_counts,
+        efficiency,
+        light_share=share,
+        valid_up_to=reference.max_intensity,
+    )
 
 
 def counts_at_maximum(joint: JointLikelihood, reference: Sensor) -> tuple[Array, Array]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from typing import Any, NoReturn
 
 import numpy as np
@@ -22,6 +23,20 @@ from jotlight.sensing.values import checked_trials, numbers_from_zero
 MAX_SILENT_TRIALS = 0.01
 """Maximum number of trials of a pixel that says nothing, but is not dead."""
 
+MERGE_AGAIN = (
+    "merge the readings again with a larger max_intensity, which is an argument of "
+    "FreeRunning.merge, and a parameter of the sensor of merge_readings"
+)
+"""What to do with equivalent counts of a scene that is too bright for them."""
+
+_OF_PIXELS = {
+    "mask": "state the dead pixels where the readings are merged, in the sensor of merge_readings "
+    "or the mask of FreeRunning.merge, or as pixels of 0 trials",
+    "dark_counts": "Merged(dark_counts=…) states those of each pixel",
+    "efficiency": "Merged(efficiency=…) states that of each pixel",
+}
+"""Parameters of the sensor that merged counts state for each pixel, and what to do instead."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Merged(HasReadOnlyArrays):
@@ -38,7 +53,7 @@ class Merged(HasReadOnlyArrays):
         the shape of `ones`. It may be a mean, and 0 marks a pixel without data.
     sensor : Sensor
         The sensor of the data, with one gain and one threshold. Its K is the nominal number of
-        trials; its mask has no effect.
+        trials. Its mask has no effect, because `trials` states the dead pixels.
     dark_counts : float or array_like of shape (H, W), optional
         d: the dark counts of the bits behind each pixel. For threshold 1, the value that causes as
         many ones as the bits have, -log of the mean of exp(-d) over them. For other thresholds, the
@@ -62,6 +77,9 @@ class Merged(HasReadOnlyArrays):
     light_share : float, optional
         The light of a trial as a share of that of a frame, above 0. Units of photons per frame need
         it. It is 1 unless the counts are equivalent ones, and None if the gains of frames differ.
+    valid_up_to : float
+        The largest intensity at which the counts say as much as the readings, above 0. Equivalent
+        counts have one, and the sensor of an estimate may not exceed it. Default: infinity.
 
     Raises
     ------
@@ -89,6 +107,7 @@ class Merged(HasReadOnlyArrays):
     channel_axis: int | None = None
     upsample: int = 1
     light_share: float | None = 1.0
+    valid_up_to: float = math.inf
 
     def __post_init__(self) -> None:
         if not isinstance(self.sensor, Sensor):
@@ -97,6 +116,8 @@ class Merged(HasReadOnlyArrays):
         upsample = whole_number_in_range("upsample", self.upsample, 1, 2)
         if self.light_share is not None:
             positive_number("light_share", self.light_share)
+        if self.valid_up_to != math.inf:
+            positive_number("valid_up_to", self.valid_up_to)
         ones = as_counts(self.ones)
         layout = Layout.of("ones", ones, self.channel_axis)
         if layout.is_stack:
@@ -209,6 +230,38 @@ def refuse_finer_grid(merged: Merged) -> None:
             "integrate over 2 x 2 pixels; take a K-conditioned network such as "
             "jotlight.pretrained(merged.sensor), or merge with upsample=1"
         )
+
+
+def check_sensor_of_merged(data: Iterable[object], sensor: Sensor) -> None:
+    """Raise ValueError if a sensor of plain bits contradicts the merged counts among some data.
+
+    Merged counts state the jots behind each pixel. So another mask, other dark counts, or another
+    efficiency would have no effect. Nothing takes merged counts for those of other sensors.
+
+    Examples
+    --------
+    >>> merged = Merged([[3, 1]], 4.0, Sensor(frames=4))
+    >>> check_sensor_of_merged([merged], merged.sensor.replace(max_intensity=2.0))
+    >>> check_sensor_of_merged([merged], merged.sensor.replace(mask=[[True, False]]))
+    Traceback (most recent call last):
+      ...
+    ValueError: mask: expected that of the sensor of the merged counts, got another one; ...
+    """
+    for merged in data:
+        if not isinstance(merged, Merged) or not sensor.has_plain_bits:
+            continue
+        for name, advice in _OF_PIXELS.items():
+            own, other = getattr(merged.sensor, name), getattr(sensor, name)
+            if other is not None and not np.array_equal(own, other):
+                raise ValueError(
+                    f"{name}: expected that of the sensor of the merged counts, got another one; "
+                    f"{advice}"
+                )
+        if sensor.max_intensity > merged.valid_up_to:
+            raise ValueError(
+                f"max_intensity: expected at most {merged.valid_up_to:g}, up to which the "
+                f"equivalent counts are valid, got {sensor.max_intensity:g}; {MERGE_AGAIN}"
+            )
 
 
 def _mean_over_bits(name: str, sensor: Sensor) -> str:

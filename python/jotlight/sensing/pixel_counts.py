@@ -16,7 +16,7 @@ from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.data_lists import list_of_data
 from jotlight.sensing.maps import constant_or_map, mean_dark_counts, pixel_means, stack_maps
-from jotlight.sensing.merged import Merged, refuse_finer_grid
+from jotlight.sensing.merged import Merged, check_sensor_of_merged, refuse_finer_grid
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.reading_groups import without_mosaic
 from jotlight.sensing.readings import Readings, image_of_readings
@@ -199,8 +199,8 @@ def prepare_data(
     Raises
     ------
     TypeError, ValueError
-        When there is no sensor, all its jots are dead, or bits or merged counts come with `trials`
-        or `channel_axis`, or these do not fit the counts.
+        When there is no sensor, all its jots are dead, it contradicts merged counts, or bits or
+        merged counts come with `trials` or `channel_axis`, or these do not fit the counts.
 
     Warns
     -----
@@ -233,6 +233,7 @@ def prepare_data(
     may_repeat = has_mosaic or np.ndim(sensor.threshold) == 2
     several = list_of_data(data)
     if isinstance(data, Bits | Readings | Merged | GrayImages) or several:
+        check_sensor_of_merged(several or [data], sensor)
         warn_about_periods([] if may_repeat else several or [data])
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
             if value is not None:
