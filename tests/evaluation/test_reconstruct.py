@@ -276,6 +276,24 @@ def test_a_largest_intensity_that_clips_most_pixels_is_reported():
     jl.reconstruct(sensor.expose(np.full((16, 16), 0.9), rng=0))
 
 
+@pytest.mark.parametrize("kind", ["dead time", "bracket", "bits"])
+def test_the_advice_about_clipped_counts_fits_the_way_they_were_merged(kind):
+    scene = np.full((16, 16), 3.0)
+    if kind == "dead time":
+        pixel = jl.FreeRunning(dead_time=0.01)
+        merged = pixel.merge(pixel.draw(400 * scene, rng=0), light=400.0)
+    else:
+        gain = 48.0 if kind == "bits" else np.repeat([2.0, 0.25, 0.03], 16)
+        bits = jl.Sensor(frames=48, gain=gain).expose(scene, rng=0)
+        merged = jl.merge_readings(bits)
+    advice = r"merge the readings again" if kind != "bits" else r"replace\(max_intensity=4\.56"
+    with pytest.warns(jl.JotlightWarning, match=rf"^100% .* largest intensity, 1, .*{advice}"):
+        jl.reconstruct(merged, method="mle")
+    smaller = merged.sensor.replace(max_intensity=0.5)
+    with pytest.warns(jl.JotlightWarning, match=r"intensity, 0\.5, .*replace\(max_intensity="):
+        jl.reconstruct(merged, smaller, method="mle")
+
+
 @pytest.mark.parametrize("options", [{}, {"method": "mle"}], ids=str)
 def test_clipping_behind_a_mosaic_is_reported(options):
     sensor = jl.Sensor(frames=64, mosaic="RGGB", max_intensity=9.0)

@@ -1,11 +1,15 @@
 """The warnings about estimates that the largest intensity clips."""
 
+import math
+from collections.abc import Iterable
+
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.evaluation.choice import Choice
 from jotlight.networks.pretrained import DEFAULT_SIZE
+from jotlight.sensing.merged import MERGE_AGAIN, Merged
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -35,23 +39,37 @@ def largest_colors(sensor: Sensor) -> npt.NDArray[np.float32]:
     return np.asarray(sensor.max_intensity * factors, np.float32)
 
 
-def warn_about_clipping(estimate: npt.NDArray[np.float32], sensor: Sensor) -> None:
-    """Warn if the largest intensity clips most pixels, although the bits are not saturated."""
-    saturation, highest = saturation_intensity(sensor), largest_colors(sensor)
-    if saturation <= sensor.max_intensity:
+def warn_about_clipping(
+    estimate: npt.NDArray[np.float32], sensor: Sensor, data: Iterable[object] = ()
+) -> None:
+    """Warn if the largest intensity clips most pixels, although the bits are not saturated.
+
+    Equivalent counts among the data are not valid beyond an intensity, and do not say whether their
+    readings are saturated.
+    """
+    valid = min((one.valid_up_to for one in data if isinstance(one, Merged)), default=math.inf)
+    saturation, highest = min(saturation_intensity(sensor), valid), largest_colors(sensor)
+    must_merge = valid <= sensor.max_intensity
+    if saturation <= sensor.max_intensity and not must_merge:
         return
     # In parts: new memory for a large image takes longer than the comparison.
     number = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
     parts = (estimate[start : start + number] for start in range(0, len(estimate), number))
     clipped = sum(np.count_nonzero(part >= highest) for part in parts) / estimate.size
-    if clipped > _MAX_CLIPPED:
-        balance = " times the white balance" if np.any(highest != sensor.max_intensity) else ""
-        warn(
-            f"{clipped:.0%} of the pixels have the largest intensity, {sensor.max_intensity:g}"
-            f"{balance}, although the bits saturate only at {saturation:.3g}; "
-            f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be "
-            "brighter"
-        )
+    if clipped <= _MAX_CLIPPED:
+        return
+    balance = " times the white balance" if np.any(highest != sensor.max_intensity) else ""
+    advice = (
+        f"up to which the equivalent counts are valid; unless all readings are saturated, "
+        f"{MERGE_AGAIN}"
+        if must_merge
+        else f"although the bits saturate only at {saturation:.3g}; "
+        f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be brighter"
+    )
+    warn(
+        f"{clipped:.0%} of the pixels have the largest intensity, {sensor.max_intensity:g}"
+        f"{balance}, {advice}"
+    )
 
 
 def clipping_of(choice: Choice, maximum: float) -> str | None:

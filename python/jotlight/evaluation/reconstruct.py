@@ -232,7 +232,7 @@ def reconstruct(
         with without_warnings_of_colors(data):
             images = gray_images(data)
             estimate, info = _by_method(request, images, sensor, out)
-        warn_about_clipping(estimate, sensor)
+        warn_about_clipping(estimate, sensor, images.data)
         warn_about_dark_counts(images, sensor, threads)
     if scale != 1:
         # A function of the caller may return an array that it still needs.
