@@ -179,6 +179,29 @@ def test_other_methods_run_on_equivalent_counts(method, merge):
     np.testing.assert_array_equal(of_readings.low, jl.uncertainty(merged, method=method).low)
 
 
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        jl.Sensor(
+            frames=6, gain=18.0, dark_counts=0.02, bit_depth=4, read_noise=0.3, max_intensity=4.0
+        ),
+        jl.Sensor(
+            frames=6,
+            gain=[0.1, 0.1, 1.0, 1.0, 8.0, 8.0],
+            dark_counts=0.1,
+            read_noise=0.25,
+            max_intensity=40.0,
+        ),
+    ],
+    ids=["one gain", "bracket"],
+)
+def test_iterative_maximum_likelihood_of_dark_noisy_readings_is_that_of_all_readings(sensor):
+    # The equivalent counts of some of these pixels have less than half a one.
+    readings = sensor.expose(np.full((64, 64), 0.02), rng=1)
+    found = jl.reconstruct(readings, method="mle-iterative")
+    np.testing.assert_allclose(found, jl.mle(readings), atol=1e-6, rtol=1e-5)
+
+
 def test_a_network_for_one_number_of_trials_refuses_and_says_what_to_do(captured):
     network = jl.Network.initial(jl.Sensor(frames=16))
     with pytest.raises(ValueError, match=r"sensor: .*pass the data to jotlight.reconstruct"):

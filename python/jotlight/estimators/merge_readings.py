@@ -68,7 +68,8 @@ def merge_readings(
     rare readings have much information about exact darkness. Where all readings are 0 or all are
     the largest one, the ones are 0 or n, and n has the same derivative at the intensity at which
     half a one or half a zero is expected. Ones are rounded to whole numbers. Trials are then scaled
-    such that the maximum stays the same.
+    such that the maximum stays the same. With read noise, a pixel may have less than half a one,
+    which becomes 0. Its maximum is then 0, and its trials stay.
 
     The trials depend on the noise of the readings. So denoisers of these counts are biased if there
     are few readings. :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings
@@ -100,8 +101,8 @@ def merge_images(images: GrayImages, sensor: Sensor, threads: int | None) -> Gra
     return GrayImages(each, images.layout)
 
 
-def merge_joint(joint: JointLikelihood) -> Merged:
-    """Return the equivalent counts of a gray image."""
+def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merged:
+    """Return the equivalent counts of a gray image, as :func:`round_ones` rounds them."""
     if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
         counts = joint.total.astype(np.int32)
         efficiency, dark_counts = mean_jots(joint.sensor)
@@ -111,7 +112,7 @@ def merge_joint(joint: JointLikelihood) -> Merged:
     ones, trials = counts_at_maximum(joint, reference)
     share = light_share(joint.sensor, reference)
     return Merged(
-        *round_ones(ones, trials),
+        *round_ones(ones, trials, keeps_maximum=keeps_maximum),
         reference,
         dark_counts,
         efficiency,
@@ -251,11 +252,26 @@ def mean_jots(sensor: Sensor) -> tuple[float | Array, float | Array]:
     return efficiency, dark_counts
 
 
-def round_ones(ones: Array, trials: Array) -> tuple[npt.NDArray[np.int32], Any]:
-    """Return whole numbers of ones, and trials with the same fraction of ones."""
+def round_ones(
+    ones: Array, trials: Array, *, keeps_maximum: bool = False
+) -> tuple[npt.NDArray[np.int32], Any]:
+    """Return whole numbers of ones, and trials with the same fraction of ones.
+
+    Less than half a one in more than twice as many trials becomes 0 in as many trials, so that the
+    information stays. If `keeps_maximum` is true, it becomes a one in more trials instead, so that
+    the most likely intensity stays.
+
+    Examples
+    --------
+    >>> ones, trials = np.array([0.25, 2.25]), np.array([2.0, 4.5])
+    >>> [part.tolist() for part in round_ones(ones, trials)]
+    [[0, 2], [2.0, 4.0]]
+    >>> [part.tolist() for part in round_ones(ones, trials, keeps_maximum=True)]
+    [[1, 2], [8.0, 4.0]]
+    """
     fraction = np.divide(ones, trials, out=np.zeros(ones.shape), where=trials > 0)
     whole = np.rint(ones)
-    whole = np.where((fraction > 0.5) & (whole == 0), 1.0, whole)
+    whole = np.where((fraction > (0 if keeps_maximum else 0.5)) & (whole == 0), 1.0, whole)
     scaled = np.divide(whole, fraction, out=trials.copy(), where=(fraction > 0) & (whole > 0))
     return whole.astype(np.int32), np.maximum(scaled, whole)
 

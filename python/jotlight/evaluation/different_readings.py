@@ -43,6 +43,8 @@ def with_one_response(
     sensor: Sensor,
     method: str | AnyNetwork | Callable[..., Any] | None,
     threads: int | None,
+    *,
+    keeps_maximum: bool = False,
 ) -> tuple[GrayImages, Sensor]:
     """Return equivalent counts for a method, and their sensor, which has plain bits.
 
@@ -61,6 +63,9 @@ def with_one_response(
         The method. Default: the recommended one.
     threads : int, optional
         The number of threads. Default: all cores.
+    keeps_maximum : bool
+        Whether counts for iterative maximum likelihood always have the most likely intensities of
+        the readings. Their information may differ.
 
     Raises
     ------
@@ -79,7 +84,7 @@ def with_one_response(
     """
     if isinstance(method, Network) and method.trials_range is None:
         require_plain_bits(sensor)
-    merge = _merging_for(method, threads)
+    merge = _merging_for(method, threads, keeps_maximum=keeps_maximum)
     each = [merge(joint_likelihood(one, sensor, threads)) for one in images.data]
     return GrayImages(each, images.layout), reference_sensor(sensor)
 
@@ -116,11 +121,14 @@ def with_saturation(
 
 
 def _merging_for(
-    method: str | AnyNetwork | Callable[..., Any] | None, threads: int | None
+    method: str | AnyNetwork | Callable[..., Any] | None,
+    threads: int | None,
+    *,
+    keeps_maximum: bool,
 ) -> Callable[[JointLikelihood], Merged]:
     """Return the function from a likelihood to the equivalent counts for a method."""
     if method == _ITERATIVE:
-        return merge_joint
+        return partial(merge_joint, keeps_maximum=keeps_maximum)
     if _is_network(method):
         return partial(_merge_for_network, threads=threads)
     return lambda joint: Merging(joint).near_neighbors()

@@ -305,7 +305,7 @@ def _by_method(
     if are_equivalent:
         is_blend = requested is None and takes_blend(sensor, trials)
         by = network or (LARGE_METHOD if is_blend else requested)
-        images, sensor = with_one_response(images, sensor, by, threads)
+        images, sensor = with_one_response(images, sensor, by, threads, keeps_maximum=True)
     is_color = not request.fallback and takes_channels(images)
     choice = choose_method(
         sensor, requested=requested, network=network, is_color=is_color, trials=trials
