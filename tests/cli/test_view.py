@@ -41,6 +41,7 @@ def capture(tmp_path):
         (["several.npy", "--bit-depth", "3"], "several.npy states readings of 4 bits, not 3"),
         (["several.npy", "--find-hot-jots"], "expected single bits, got readings of 4 bits"),
         (["capture.npy", "--gain", "8,1", "--frames", "40"], "such as --frame-range 0:20"),
+        (["capture.npy", "--region", "0:8,0:8"], "`jotlight convert --region` writes a part"),
         (["capture.npy", "--port", "70000"], "port: expected 0 to 65535"),
         (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),
         (["capture.npy", "--shape", "16x24"], "shape: is for a capture that grows; add --follow"),
@@ -69,6 +70,13 @@ def test_bad_input_is_refused_in_one_line(run, capture, monkeypatch, options, me
     status, output = run("view", *options)
     assert status == 1
     assert message in output
+
+
+def test_the_help_lists_no_option_that_is_always_refused(run):
+    status, output = run("view", "--help")
+    assert status == 0
+    assert "--frame-range" in output
+    assert "--region" not in output
 
 
 def test_without_the_extra_the_message_says_how_to_install_it(run, capture, monkeypatch):

@@ -193,6 +193,14 @@ class TargetCaptureOptions(CaptureOptions):
     key: Annotated[str | None, Parameter(name="--sensor-key", help=_KEY)] = None
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ViewedCaptureOptions(CaptureOptions):
+    """Parameters of a capture that the viewer shows as a whole."""
+
+    region: Annotated[str | None, Parameter(show=False)] = None
+    """Refused, with the command to use instead."""
+
+
 def _warn_about_means(stack: CountStack, trials: float) -> None:
     """Issue a warning if the counts of 255 or 65535 trials look like means of fewer frames."""
     if trials not in SCALES:

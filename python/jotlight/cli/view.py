@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Group, Parameter
 
 from jotlight.calibration import Calibration
-from jotlight.cli.capture_options import CaptureOptions, parse_frame_range
+from jotlight.cli.capture_options import CaptureOptions, ViewedCaptureOptions, parse_frame_range
 from jotlight.cli.captured import Captured, add_sensor
 from jotlight.cli.common_options import convert_file
 from jotlight.cli.console import caution, report
@@ -94,7 +94,7 @@ def view(
     *,
     server: ServerOptions = ServerOptions(),
     follow: FollowOptions = FollowOptions(),
-    capture: CaptureOptions = CaptureOptions(),
+    capture: ViewedCaptureOptions = ViewedCaptureOptions(),
     sensor: CapturedSensorOptions = CapturedSensorOptions(),
 ) -> None:
     """Show a capture in the browser: move a slider, and see the reconstruction.
