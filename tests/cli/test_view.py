@@ -17,6 +17,7 @@ import jotlight as jl
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.cli.view import _open
+from jotlight.formats.capture import assumed_sensor_note
 from jotlight.view.recipe import recipe
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
@@ -86,6 +87,17 @@ def test_without_the_extra_the_message_says_how_to_install_it(run, capture, monk
     assert "pip install 'jotlight[view]'" in output
 
 
+def test_an_assumed_sensor_is_that_of_reconstruct(run, capture, tmp_path):
+    bits = jl.open(capture)
+    assert _open(str(capture), CaptureOptions(), CapturedSensorOptions()).sensor_note == ""
+    jl.save(jl.Bits(bits.packed, bits.width), tmp_path / "bare.npy")
+    options = CapturedSensorOptions(threshold="2")
+    note = _open(str(tmp_path / "bare.npy"), CaptureOptions(), options).sensor_note
+    assert note == assumed_sensor_note(jl.Sensor(frames=40, threshold=2))
+    words = note.partition("assumed")[0]
+    assert words in run("reconstruct", tmp_path / "bare.npy", "-q", "2", "-o", "a.tif")[1]
+
+
 @pytest.mark.slow
 def test_a_capture_at_a_url_is_viewed_and_its_command_makes_the_same_image(run, capture):
     pytest.importorskip("fsspec", reason="no URLs: pip install 'jotlight[dask]'")
@@ -127,6 +139,8 @@ def test_the_command_prints_an_address_that_works_and_ends_on_a_signal(capture, 
             process.stdin.write(bytes(range(48)) * 10)
             process.stdin.flush()
         first = process.stdout.readline().decode()
+        if kind == "pipe":
+            assert process.stdout.readline().decode() == f"{assumed_sensor_note(jl.Sensor())}\n"
         second = process.stdout.readline().decode()
         address = re.search(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32,}", first)[0]
         opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())

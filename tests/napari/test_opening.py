@@ -174,6 +174,8 @@ def test_the_page_says_where_it_is_and_how_it_ends(session):
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     with subprocess.Popen(command, **pipes, text=True) as process:
         address = process.stdout.readline().removeprefix("bits: ").strip()
+        assumed = "the bits do not state their sensor; assumed: Sensor()\n"
+        assert process.stdout.readline() == assumed
         end = process.stdout.readline()
         opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
         assert b"<title>jotlight</title>" in opener.open(address, timeout=20).read()

@@ -11,7 +11,7 @@ from jotlight.chunks import windows
 from jotlight.cli.console import progress
 from jotlight.errors import counted
 from jotlight.files import check_outputs
-from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.capture import Capture, CountStack, assumed_sensor_note
 from jotlight.formats.description import companion_files
 from jotlight.sensing.alike_frames import check_cycles, exposure_cycle, repeat_exposures
 from jotlight.sensing.bits import Bits
@@ -53,16 +53,18 @@ class Captured:
 
     def notes(self) -> list[str]:
         """Return the assumptions about the file and the sensor, one line each."""
-        if self.has_own_sensor:
-            origin = "sensor"
-        elif isinstance(self.data, Bits):
-            origin = "the bits do not state their sensor; assumed"
-        else:
-            origin = "assumed" + _frames_of_each(self.data, self.sensor)
         hot = []
         if self.hot_jots is not None:
             hot = [f"hot jots in the scene, which are treated as dead: {self.hot_jots}"]
-        return [*provenance_notes(self.provenance), *hot, f"{origin}: {self.sensor!r}"]
+        return [*provenance_notes(self.provenance), *hot, self.sensor_note()]
+
+    def sensor_note(self) -> str:
+        """Return the sensor, and whether it is assumed, in one line."""
+        if self.has_own_sensor:
+            return f"sensor: {self.sensor!r}"
+        if isinstance(self.data, Bits):
+            return assumed_sensor_note(self.sensor)
+        return f"assumed{_frames_of_each(self.data, self.sensor)}: {self.sensor!r}"
 
 
 def _frames_of_each(stack: CountStack, sensor: Sensor) -> str:

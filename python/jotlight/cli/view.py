@@ -118,7 +118,10 @@ def view(
     if not is_loopback(server.host):
         caution("host", f"other machines can reach the page on {server.host}, without encryption")
     serving = Server(viewed, server.host, server.port)
-    report(f"{viewed.title}: {serving.address}", "Ctrl-C ends the viewer")
+    report(f"{viewed.title}: {serving.address}")
+    if viewed.sensor_note:
+        report(viewed.sensor_note)
+    report("Ctrl-C ends the viewer")
     if server.browser:
         serving.open_browser()
     try:
@@ -158,7 +161,8 @@ def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> 
     data: Frames = captured.data
     if captured.sensor.bit_depth > 1 and isinstance(data, CountStack):
         data = data.readings(captured.sensor)
-    return Viewed(Path(path).name or path, data, captured.sensor, is_known, opening)
+    note = "" if captured.has_own_sensor else captured.sensor_note()
+    return Viewed(Path(path).name or path, data, captured.sensor, is_known, opening, note)
 
 
 def _opening(

@@ -236,6 +236,17 @@ Capture = Bits | CountStack
 """The content of a capture file."""
 
 
+def assumed_sensor_note(sensor: Sensor) -> str:
+    """Return the note about the sensor that bits are taken to have, because they do not state it.
+
+    Examples
+    --------
+    >>> assumed_sensor_note(Sensor(frames=4))
+    'the bits do not state their sensor; assumed: Sensor(frames=4)'
+    """
+    return f"the bits do not state their sensor; assumed: {sensor!r}"
+
+
 def frames_of(capture: Capture) -> npt.NDArray[Any] | Frames:
     """Return the packed frames of bits, or the images of counts.
 

@@ -132,7 +132,8 @@ def _open_page(viewed: Viewed) -> None:
     is_session = _is_interactive()
     end = "The page works until this session ends" if is_session else "Ctrl-C ends the viewer"
     # A program whose output is a pipe must not wait behind lines that nobody sees.
-    print(f"{viewed.title}: {server.address}\n{end}", flush=True)
+    lines = [f"{viewed.title}: {server.address}", viewed.sensor_note, end]
+    print(*filter(None, lines), sep="\n", flush=True)
     server.open_browser()
     if is_session:
         threading.Thread(target=server.run, daemon=True, name="jotlight-view").start()

@@ -59,6 +59,7 @@ def describe_capture(viewed: Viewable) -> dict[str, Any]:
         "live": viewed.is_live,
         **{name: value for name, value in viewed.facts().items() if name != "rates"},
         "sensor": describe_sensor(viewed),
+        "sensor_note": viewed.sensor_note,
         "provenance": lines,
         "methods": _methods(viewed, window, recommended),
         "curves": list(CURVES),

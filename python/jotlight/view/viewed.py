@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.capture import Capture, CountStack, assumed_sensor_note
 from jotlight.kept import kept_property
 from jotlight.sensing.alike_frames import exposure_cycle, repeat_exposures
 from jotlight.sensing.bits import Bits
@@ -101,6 +101,10 @@ class Viewable(Protocol):
         """Whether the capture or the user states the largest intensity."""
 
     @property
+    def sensor_note(self) -> str:
+        """That the sensor is assumed, and which one, or "" if the capture states it."""
+
+    @property
     def cycle(self) -> int:
         """The number of frames after which exposures repeat, 1 for frames of one exposure."""
 
@@ -143,6 +147,8 @@ class Viewed:
     is_range_known: bool = False
     """Whether the capture or the user states the largest intensity."""
     opening: Opening = Opening()
+    sensor_note: str = ""
+    """That the sensor is assumed, and which one, or "" if the capture states it."""
     is_live: bool = False
 
     @classmethod
@@ -160,7 +166,8 @@ class Viewed:
         sensor = Sensor(frames=len(data)) if stated is None else stated
         exposure_cycle(sensor)
         name = (title or variable(sensor)) if data.provenance is None else data.provenance.name
-        return cls(name, data, sensor, stated is not None)
+        note = assumed_sensor_note(sensor) if stated is None else ""
+        return cls(name, data, sensor, stated is not None, sensor_note=note)
 
     @property
     def provenance(self) -> Provenance | None:

@@ -30,7 +30,9 @@ class LiveCapture:
     provenance : Provenance
         The origin of the frames.
     is_range_known : bool
-        Whether the user states the largest intensity.
+        Whether the capture or the user states the largest intensity.
+    sensor_note : str
+        That the sensor is assumed, and which one, or "" if the capture states it.
     """
 
     is_live = True
@@ -44,10 +46,11 @@ class LiveCapture:
         provenance: Provenance,
         *,
         is_range_known: bool = False,
+        sensor_note: str = "",
     ) -> None:
         self.title, self.provenance = title, provenance
         self.opening = Opening()
-        self.is_range_known = is_range_known
+        self.is_range_known, self.sensor_note = is_range_known, sensor_note
         self.ring = ring
         self.dropped = 0
         """Number of frames that were never read, or are missing in the capture."""

@@ -12,13 +12,17 @@ from typing import Any
 import numpy as np
 
 from jotlight.calibration import Calibration
+from jotlight.formats.capture import assumed_sensor_note
 from jotlight.formats.format import FrameLayout
 from jotlight.formats.locations import STANDARD_INPUT
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
 from jotlight.parameter_names import check_choice
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Packed
+from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.reading_groups import frames_differ
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.live.capture import LiveCapture, read_stream
 from jotlight.view.live.folder import FolderReader, open_first
@@ -37,8 +41,9 @@ _MAX_HEADER = 1 << 12
 _MAX_FRAME_BYTES = 1 << 26
 
 
-_Opened = tuple[FrameRing, Callable[[LiveCapture], None], str]
-"""The frames, the work that adds later ones, and the name of the format."""
+_Opened = tuple[FrameRing, Callable[[LiveCapture], None], str, Sensor | None]
+"""The frames, the work that adds later ones, the name of the format, and the sensor of one frame if
+the files state it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,7 +113,7 @@ def open_live(
     options : LiveOptions
         The layout of the frames.
     sensor_kwargs : dict
-        Keyword arguments of the sensor of one frame.
+        Keyword arguments of the sensor of one frame, which replace those that files state.
     calibration : Calibration, optional
         Calibration of the sensor.
     is_range_known : bool
@@ -122,21 +127,37 @@ def open_live(
     options.layout()  # reports wrong options
     stop = threading.Event()
     if path != STANDARD_INPUT and path.is_dir():
-        ring, work, name = _open_folder(path, options)
+        ring, work, name, stated = _open_folder(path, options)
     else:
-        ring, work, name = _open_stream(path, options, stop)
-    if calibration is not None:
-        calibration.check_capture((ring.layout.shape[0], ring.layout.width), None)
-        sensor = calibration.sensor(**sensor_kwargs)
-    else:
-        sensor = Sensor(**sensor_kwargs)
-    sensor.check_map_shapes(ring.layout.shape[0], ring.layout.width)
+        ring, work, name, stated = _open_stream(path, options, stop)
+    jots = ring.layout.shape[0], ring.layout.width
+    sensor = _combine(stated, calibration, jots, sensor_kwargs)
+    sensor.check_map_shapes(*jots)
+    is_range_known = is_range_known or stated is not None
+    note = assumed_sensor_note(sensor) if stated is None else ""
     title = "standard input" if path == STANDARD_INPUT else path.name
     provenance = Provenance(name, title, ("followed while it grows",))
-    live = LiveCapture(title, ring, sensor, provenance, is_range_known=is_range_known)
+    live = LiveCapture(
+        title, ring, sensor, provenance, is_range_known=is_range_known, sensor_note=note
+    )
     live.stop = stop
     live.start(work)
     return _wait_for_frame(live)
+
+
+def _combine(
+    stated: Sensor | None,
+    calibration: Calibration | None,
+    jots: tuple[int, int],
+    sensor_kwargs: dict[str, Any],
+) -> Sensor:
+    """Return the sensor that files state, changed first by the calibration and then by options."""
+    if calibration is None:
+        return Sensor(**sensor_kwargs) if stated is None else stated.replace(**sensor_kwargs)
+    calibration.check_capture(jots, None)
+    if stated is None:
+        return calibration.sensor(**sensor_kwargs)
+    return calibration.applied_to(stated, **sensor_kwargs)
 
 
 def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Opened:
@@ -165,7 +186,7 @@ def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Op
     if isinstance(tail, FileTail):
         first = tail.skip(options.history << 20, frames.shape[0] * frames.shape[1])
     ring = FrameRing(frames, options.history << 20, first)
-    return ring, partial(read_stream, tail=tail), name
+    return ring, partial(read_stream, tail=tail), name, None
 
 
 def _open_folder(path: Path, options: LiveOptions) -> _Opened:
@@ -180,7 +201,21 @@ def _open_folder(path: Path, options: LiveOptions) -> _Opened:
     layout = FrameLayout((height, row_bytes), bits.width, _packed(height, row_bytes))
     ring = FrameRing(layout, options.history << 20)
     work = FolderReader(path, open_file, file, bits)
-    return ring, work, bits.provenance.format if bits.provenance else "folder"
+    name = bits.provenance.format if bits.provenance else "folder"
+    return ring, work, name, _frame_sensor(bits, file)
+
+
+def _frame_sensor(bits: Bits, file: Path) -> Sensor | None:
+    """Return the sensor of one frame, or None if the bits state none."""
+    sensor = carried_sensor(bits)
+    if sensor is None:
+        return None
+    if frames_differ(sensor) or sensor.read_noise:
+        raise ValueError(
+            f"{file}: expected single bits of one exposure and one threshold, without read noise, "
+            f"for a live view, got those of {sensor!r}; view the file without --follow"
+        )
+    return sensor.replace(frames=1)
 
 
 def _wait_for_frame(live: LiveCapture) -> LiveCapture:

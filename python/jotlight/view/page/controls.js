@@ -33,6 +33,8 @@ export class Controls {
     fill(get("compare"), [{ name: "", title: "none" }, ...capture.methods.slice(1)]);
     fill(get("curve"), capture.curves.map((name) => ({ name, title: name })));
     get("sensor").replaceChildren(...capture.sensor.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+    write("sensor-note", capitalize(capture.sensor_note));
+    write("sensor-assumed", capture.sensor_note ? "assumed" : "");
     get("provenance").replaceChildren(...capture.provenance.map((line) => element("li", line)));
     if (!capture.provenance.length) get("provenance").append(element("li", "no file"));
     write("align-note", capture.align_reason ? "unavailable" : "");
@@ -211,7 +213,7 @@ export function write(id, text) {
   if (node.textContent !== String(text)) node.textContent = text;
 }
 
-export const capitalize = (text) => text[0].toUpperCase() + text.slice(1);
+export const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 const count = (number, name) => `${number} ${name}${number === 1 ? "" : "s"}`;
 
