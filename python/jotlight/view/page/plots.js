@@ -8,7 +8,7 @@ export function forgetColors() {
 }
 
 /** Return a color of the theme, such as light-dark(...), in a form that a canvas accepts. */
-function resolve(name) {
+export function themeColor(name) {
   if (!colors.has(name)) {
     const probe = document.createElement("span");
     probe.style.color = `var(${name})`;
@@ -51,11 +51,11 @@ export function drawHistogram(canvas, bytes, { channels, tone }) {
   for (let level = 0; level < 256; level++) heights[Math.floor((level * bins) / 256)] += counts[level];
   const inner = heights.slice(1, -1);
   const largest = Math.sqrt(Math.max(1, inner.reduce((a, b) => Math.max(a, b), 0)));
-  context.fillStyle = resolve("--plot");
+  context.fillStyle = themeColor("--plot");
   for (let bin = 0; bin < bins; bin++) {
     const size = Math.min(1, Math.sqrt(heights[bin]) / largest) * height;
-    if (bin === bins - 1 || bin === 0) context.fillStyle = resolve("--mark");
-    else if (bin === 1) context.fillStyle = resolve("--plot");
+    if (bin === bins - 1 || bin === 0) context.fillStyle = themeColor("--mark");
+    else if (bin === 1) context.fillStyle = themeColor("--plot");
     context.fillRect((bin * width) / bins, height - size, width / bins, size);
   }
   const total = bytes.length / channels;
@@ -99,7 +99,7 @@ export class Timeline {
     const { context, width, height } = prepare(this.canvas);
     const length = Math.max(1, this.end - this.first);
     const place = (frame) => ((frame - this.first) / length) * width;
-    context.fillStyle = resolve("--wash");
+    context.fillStyle = themeColor("--wash");
     const left = place(this.start);
     context.fillRect(left, 0, Math.max(2, place(this.start + this.window) - left), height);
     if (!this.rates.length) return;
@@ -129,7 +129,7 @@ export class Timeline {
       if (index) context.lineTo(x, y);
       else context.moveTo(x, y);
     });
-    context.strokeStyle = resolve("--plot");
+    context.strokeStyle = themeColor("--plot");
     context.lineWidth = 1.25 * (devicePixelRatio || 1);
     context.stroke();
   }

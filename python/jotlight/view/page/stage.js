@@ -1,10 +1,11 @@
 // The image: its pixels, overlays, zoom, and the pointer.
 
+import { themeColor } from "./plots.js";
+
 const MAX_ZOOM = 64;
-const DEAD = [79, 140, 255];
-const HOT = [255, 61, 110];
-const SATURATED = [255, 176, 0];
-const UNCERTAIN = [255, 90, 31];
+
+/** Return the red, green, and blue of a color of the theme. */
+const readColor = (name) => themeColor(name).match(/\d+/g).slice(0, 3).map(Number);
 
 export class Stage {
   constructor(canvas, onPointer, onZoom, onPainted) {
@@ -66,10 +67,10 @@ export class Stage {
     canvas.width = header.width;
     canvas.height = header.height;
     const data = new ImageData(header.width, header.height);
+    const [dead, hot, saturated, uncertain] = ["--dead", "--hot", "--saturated", "--uncertain"].map(readColor);
     for (let i = 0; i < bytes.length; i++) {
       if (bytes[i] === 0) continue;
-      const color =
-        kind === "saturated" ? SATURATED : kind === "uncertainty" ? UNCERTAIN : bytes[i] === 1 ? DEAD : HOT;
+      const color = kind === "saturated" ? saturated : kind === "uncertainty" ? uncertain : bytes[i] === 1 ? dead : hot;
       data.data.set(color, 4 * i);
       data.data[4 * i + 3] = kind === "uncertainty" ? Math.round((bytes[i] / 255) ** 2 * 220) : 255;
     }
