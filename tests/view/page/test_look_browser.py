@@ -60,3 +60,21 @@ def test_the_theme_can_be_chosen(opened):
     assert tab.evaluate(ground) == light
     tab.keyboard.press("v")
     assert tab.evaluate(ground) != light
+
+
+COVERED = """() => {
+  const { activeElement: focused } = document;
+  const box = focused.getBoundingClientRect();
+  const top = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+  const isOnTop = top !== null && (focused.contains(top) || top.contains(focused));
+  return focused === document.body || isOnTop ? null : focused.outerHTML;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 400), (400, 800)])
+def test_the_image_does_not_cover_what_has_the_focus(opened, width, height):
+    tab = opened("method=mle", viewport={"width": width, "height": height})
+    for key in ("Tab", "Shift+Tab"):
+        for _ in range(31):
+            tab.keyboard.press(key)
+            assert tab.evaluate(COVERED) is None
