@@ -274,9 +274,15 @@ function takeTheme() {
   forgetColors();
   timeline.redraw();
   stage.takeBackground();
+  redrawHistogram();
+}
+function redrawHistogram() {
   if (stage.header) drawHistogram(get("histogram"), stage.bytes, stage.header);
 }
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", takeTheme);
+new ResizeObserver(redrawHistogram).observe(get("histogram"));
+for (const query of ["(prefers-color-scheme: dark)", "(forced-colors: active)"]) {
+  matchMedia(query).addEventListener("change", takeTheme);
+}
 setTheme(THEMES.includes(localStorage.getItem("jotlight-theme")) ? localStorage.getItem("jotlight-theme") : "auto");
 get("theme").addEventListener("click", () => {
   const now = document.documentElement.dataset.theme ?? "auto";

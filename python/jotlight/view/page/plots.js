@@ -11,6 +11,7 @@ export function forgetColors() {
 export function themeColor(name) {
   if (!colors.has(name)) {
     const probe = document.createElement("span");
+    probe.className = "color-probe";
     probe.style.color = `var(${name})`;
     document.body.append(probe);
     colors.set(name, getComputedStyle(probe).color);
@@ -71,7 +72,7 @@ export class Timeline {
     this.canvas = canvas;
     this.rates = new Float32Array(0);
     this.plot = document.createElement("canvas");
-    addEventListener("resize", () => this.redraw());
+    new ResizeObserver(() => this.redraw()).observe(canvas);
   }
 
   setRates(bytes) {

@@ -25,6 +25,7 @@ export class Stage {
     this.header = null;
     this.waiting = null;
     addEventListener("resize", () => this.resize());
+    new ResizeObserver(() => this.resize()).observe(canvas); // other parts of the page may grow
     this.takeBackground();
     this.resize();
   }
