@@ -39,7 +39,8 @@ REPLACED = {
     r"\bMEMBERS?\b": "ARCHITECTURES",
     r"\bdeeper\(": "build_residual",
     r"\bfill_blind\b": "inpaint_dead_pixels",
-    r"\bObservation\b|\bobserve\(": "PixelCounts, count_pixels",
+    # Browsers have the method `new ResizeObserver(…).observe(…)`.
+    r"\bObservation\b|(?<!\)\.)\bobserve\(": "PixelCounts, count_pixels",
     r"\bfires\(": "detection_probability",
     r"\brate_of\b": "inverse_detection_probability",
     r"\bunclipped\b": "saturation_intensity",

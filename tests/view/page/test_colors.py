@@ -1,4 +1,4 @@
-"""The colors of the overlays can be told apart, also by color-blind readers."""
+"""The colors of the overlays differ, also for color-blind readers."""
 
 import itertools
 import re

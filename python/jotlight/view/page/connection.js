@@ -1,6 +1,16 @@
 // The WebSocket: requests as JSON, answers as a header in JSON followed by the bytes of an array.
 
 const RETRY_MILLISECONDS = 1500;
+const LOST = "The connection is lost. Trying again.";
+const OUTDATED =
+  "This address is no longer valid, because the viewer was started again. Open the address that the terminal shows.";
+
+/** Return whether a server refuses this page. The secret of its address is that of an earlier server. */
+async function isRefused() {
+  // Browsers hide why a WebSocket is refused.
+  const answer = await fetch("page/connection.js").catch(() => null);
+  return answer?.status === 403;
+}
 
 /** Return the header and the bytes of a binary message. */
 export function decode(buffer) {
@@ -26,11 +36,13 @@ export class Connection {
       if (header.type === "image" || header.type === "overlay") this.send({ type: "ack" });
       this.onMessage(header, bytes);
     };
-    this.socket.onclose = (event) => {
-      this.onChange(false, event.reason);
+    let wasOpen = false;
+    this.socket.onclose = async (event) => {
+      this.onChange(false, wasOpen || !(await isRefused()) ? event.reason || LOST : OUTDATED);
       setTimeout(() => this.open(), RETRY_MILLISECONDS);
     };
     this.socket.onopen = () => {
+      wasOpen = true;
       this.onReopen?.(); // requests from before the loss get no answer
       this.onChange(true, "");
     };

@@ -225,7 +225,7 @@ const connection = new Connection(
   (header, bytes) => handlers[header.type]?.(header, bytes),
   (isOpen, reason) => {
     stopWaiting();
-    get("stage-note").textContent = isOpen ? "" : reason || "The connection is lost. Trying again.";
+    get("stage-note").textContent = isOpen ? "" : reason;
     if (isOpen) [number, shown] = [0, 0];
   },
 );
