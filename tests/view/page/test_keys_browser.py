@@ -149,3 +149,28 @@ def test_the_page_can_be_used_by_keyboard_alone(opened):
     text = tab.locator("#readout").inner_text()
     for unit in ("intensity", "photons per frame", "photons per second"):
         assert unit in text
+
+
+def test_a_screen_reader_says_the_values_that_the_keyboard_points_at(opened):
+    tab = opened("method=mle&window=16")
+    status = tab.locator("#status")
+    tab.keyboard.press("i")
+    for _ in range(3):
+        tab.keyboard.press("ArrowDown")
+    tab.locator("#status", has_text="row, column 103, 120; ones").wait_for(state="attached")
+    said = status.text_content()
+    box = tab.locator("#image").bounding_box()
+    for step in range(10):
+        tab.mouse.move(box["x"] + box["width"] / 2 + step, box["y"] + box["height"] / 2)
+    row = "document.querySelector('#readout dd').textContent"
+    tab.wait_for_function(f"() => !{row}.startsWith('103')")
+    tab.wait_for_timeout(1000)
+    assert status.text_content() == said
+    assert tab.locator("#image").get_attribute("role") == "application"  # which arrow keys reach
+
+
+def test_a_screen_reader_says_that_the_connection_is_lost(opened):
+    tab = opened("method=mle&window=16")
+    tab.evaluate("() => { WebSocket.prototype.send = function () { this.close(); }; }")
+    tab.keyboard.press("c")
+    tab.locator("#status", has_text="The connection is lost").wait_for(state="attached")

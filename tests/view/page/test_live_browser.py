@@ -1,5 +1,7 @@
 """The page in Chromium follows a live capture, and pauses."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,12 @@ pytestmark = pytest.mark.slow
 
 FRAMES = np.random.default_rng(0).integers(0, 256, (2100, 64, 8), np.uint8)
 IN_MEMORY = 2048
+
+RECORD_STATUS = """
+window.said = [];
+const status = document.getElementById("status");
+new MutationObserver(() => said.push(status.textContent)).observe(status, { childList: true });
+"""
 
 
 @pytest.fixture
@@ -48,6 +56,24 @@ def test_a_paused_page_does_not_say_that_it_is_live(opened, growing):
     assert badge(tab, "Live") == "Live · 150 frames · none dropped"
     assert final(tab, start=134)
     assert tab.locator("#range").inner_text() == "Frames 134 – 149"
+
+
+def test_what_the_badge_says_is_spoken_but_not_its_numbers(opened, growing, tmp_path):
+    add, running = growing
+    tab = opened("window=16", at=running)
+    said = tab.locator("#status")
+    badge(tab, "Live")
+    assert said.text_content() == "Live"
+    add(50)
+    badge(tab, "150")
+    tab.wait_for_timeout(1000)
+    assert said.text_content() == "Live"
+    tab.evaluate(RECORD_STATUS)
+    tab.keyboard.press(" ")
+    badge(tab, "Paused")
+    assert tab.evaluate("said[0]") == "Paused"
+    os.truncate(tmp_path / "a.bin", 100)
+    tab.wait_for_function("() => said.some((text) => text.includes('shorter'))")
 
 
 def test_paused_frames_that_leave_memory_keep_their_numbers(opened, growing):

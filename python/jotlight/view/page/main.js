@@ -7,11 +7,11 @@ import { Keys } from "./keys.js";
 import { Timeline, drawHistogram, forgetColors, format } from "./plots.js";
 import { showReadout, showLegend, showOverlayNotes } from "./readout.js";
 import { addSharing, request, toast } from "./share.js";
+import { say, saySoon } from "./speech.js";
 import { Stage } from "./stage.js";
 import { Store } from "./store.js";
 
 const get = (id) => document.getElementById(id);
-const SPEAK_DELAY = 700;
 const HISTOGRAM_DELAY = 100;
 const BUSY_DELAY = 500;
 const store = new Store();
@@ -22,7 +22,6 @@ let live = null; // the last facts of a live capture
 let number = 0;
 let isAsking = false;
 let isMoving = false;
-let speaking = null;
 let patience = null;
 let isBusy = false; // whether the page says that it waits for an image
 
@@ -65,12 +64,14 @@ addEventListener("hashchange", () => {
 });
 
 let probing = false;
+let isUnsaid = false; // whether the keyboard has moved the pointer, and its values are not said yet
 function onPointer(place) {
   if (probing) return;
   probing = true;
   requestAnimationFrame(() => {
     probing = false;
     const [row, column] = stage.pointer ?? [null, null];
+    isUnsaid = stage.isKeyboard && row !== null;
     connection.send({ type: "probe", row, column });
     if (row === null) showReadout(null);
   });
@@ -110,7 +111,9 @@ function showBusy() {
   const { method, align } = store.state;
   const { title } = capture.methods.find((each) => each.name === method);
   get("stage-note").classList.remove("error");
-  write("stage-note", `Waiting for ${title}${align && method !== "counts" ? " of the aligned frames" : ""}`);
+  const text = `Waiting for ${title}${align && method !== "counts" ? " of the aligned frames" : ""}`;
+  write("stage-note", text);
+  say(text);
 }
 
 function stopWaiting() {
@@ -129,13 +132,11 @@ function showNote(header) {
   write("rate", `${header.title} · ${name} ${format(value)}`);
 }
 
-/** Tell a screen reader about the image after the controls have been at rest for a while. */
+/** Say which image is shown. The images of a live capture follow each other without end. */
 function speak(header) {
-  clearTimeout(speaking);
-  speaking = setTimeout(() => {
-    const last = header.start + header.window - 1;
-    get("status").textContent = `${header.title}, frames ${header.start} to ${last}, values ${format(header.low)} to ${format(header.high)}`;
-  }, SPEAK_DELAY);
+  if (store.state.follow && !live?.ended) return;
+  const last = header.start + header.window - 1;
+  saySoon(`${header.title}, frames ${header.start} to ${last}, values ${format(header.low)} to ${format(header.high)}`);
 }
 
 function drawTime() {
@@ -143,12 +144,17 @@ function drawTime() {
   timeline.setView(first, end, store.state.start, store.state.window);
 }
 
+let saidOfLive = null;
 /** Show whether the page follows a live capture, and how many frames have arrived. */
 function showBadge() {
   if (!live) return;
   const { end, dropped, ended, problem } = live;
-  const state = ended ? `Ended at ${end}` : `${store.state.follow ? "Live" : "Paused"} · ${end} frames`;
-  write("badge", problem || `${state} · ${dropped || "none"} dropped`);
+  const name = ended ? "Ended" : store.state.follow ? "Live" : "Paused";
+  write("badge", problem || `${name}${ended ? ` at ${end}` : ` · ${end} frames`} · ${dropped || "none"} dropped`);
+  // The numbers change all the time, so they are not said.
+  const text = problem || `${name}${dropped ? ", with dropped frames" : ""}`;
+  if (text !== saidOfLive) say(text);
+  saidOfLive = text;
   get("badge").classList.toggle("lost", dropped > 0 || Boolean(problem));
   get("badge").hidden = false;
 }
@@ -208,7 +214,11 @@ const handlers = {
     drawTime();
   },
   values(header) {
-    showReadout(header.values);
+    const text = showReadout(header.values);
+    const [row, column] = stage.pointer ?? [];
+    if (!isUnsaid || header.values?.row !== row || header.values.column !== column) return;
+    saySoon(text);
+    isUnsaid = false;
   },
   recipe(header) {
     copyRecipe(header);
@@ -217,7 +227,7 @@ const handlers = {
     stopWaiting();
     get("stage-note").classList.add("error");
     get("stage-note").textContent = header.text;
-    get("status").textContent = header.text;
+    say(header.text);
   },
 };
 
@@ -225,7 +235,8 @@ const connection = new Connection(
   (header, bytes) => handlers[header.type]?.(header, bytes),
   (isOpen, reason) => {
     stopWaiting();
-    get("stage-note").textContent = isOpen ? "" : reason;
+    write("stage-note", isOpen ? "" : reason);
+    say(isOpen ? "Connected" : reason);
     if (isOpen) [number, shown] = [0, 0];
   },
 );

@@ -6,11 +6,11 @@ import { format } from "./plots.js";
 const get = (id) => document.getElementById(id);
 const TEXTS = { jots: "jots-note", saturated: "saturated-note", uncertainty: "uncertainty-note" };
 
-/** Show the values of a pixel in all units, or nothing. */
+/** Show the values of a pixel in all units, or nothing. Return them as a text. */
 export function showReadout(values) {
   if (!values) {
     get("readout").replaceChildren();
-    return;
+    return "";
   }
   const rows = [
     ["row, column", `${values.row}, ${values.column}`],
@@ -33,6 +33,7 @@ export function showReadout(values) {
       return row;
     }),
   );
+  return rows.map((row) => row.join(" ")).join("; ");
 }
 
 const trim = (value) => (Number.isInteger(value) ? value : format(value));
