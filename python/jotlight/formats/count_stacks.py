@@ -88,7 +88,8 @@ def stack_of_readings(
     ValueError
         When the images do not fit the sensor.
     """
-    if len(images.shape) == 2 or (len(images.shape) == 3 and sensor.frames == 1 != len(images)):
+    is_frame = len(images.shape) == 2 or sensor.frames == 1 != len(images)
+    if is_frame and is_single_image(images.shape):
         images = np.asarray(images)[None]
     try:
         Readings(images, sensor)

@@ -11,7 +11,9 @@ from jotlight.formats.capture import Capture
 from jotlight.formats.count_stacks import as_count_stack
 from jotlight.formats.format import OpenOptions
 from jotlight.formats.labels import AS_STATED, BITS, make_bits_label, parse_label
+from jotlight.formats.limits import check_frame_size
 from jotlight.formats.packing import check_packed, pack_lazily
+from jotlight.layout import is_single_image
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import refuse_many_channels, warn_about_axes
 from jotlight.sensing.frames import Frames
@@ -29,6 +31,8 @@ class StoredArray:
 
     frames: Frames
     label: str | None
+    file_bytes: int
+    """Number of bytes of the files that hold it."""
     warning: str | None = None
     """The text of a warning for the case that the array is selected, or None."""
 
@@ -73,6 +77,8 @@ def open_stored_array(
         if counts is None and frames.dtype.kind == "b":
             counts = len(frames.shape) == 2
         if counts or (counts is None and frames.dtype.kind != "b"):
+            if is_single_image(frames.shape):  # which is in memory as a whole
+                check_frame_size(name, frames.nbytes, arrays[key].file_bytes)
             return as_count_stack(frames, provenance, text, floats=options.floats)
         if len(frames.shape) not in (3, 4) or 0 in frames.shape:
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")

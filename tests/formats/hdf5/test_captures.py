@@ -58,8 +58,29 @@ def test_a_file_cannot_refer_to_other_files_or_claim_more_than_it_holds(tmp_path
         jl.open(tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("x", (10**9, 512, 64), "u1", chunks=(1, 512, 64))
-    with pytest.raises(ValueError, match="more than a file of"):
+    with pytest.raises(ValueError, match="only 0 of its 1000000000 chunks exist"):
         jl.open(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("x", (10**9, 512, 64), "u1")
+    with pytest.raises(ValueError, match="only 0 of its 1000000000 chunks exist"):
+        jl.open(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("x", (9, 9000, 9000), "u1", chunks=(1, 900, 900))
+    with pytest.raises(ValueError, match=r"expected frames of at most .*, got 81000000;"):
+        jl.open(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("isolate", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_an_array_that_was_allocated_before_the_capture_is_read(tmp_path, isolate):
+    h5py = pytest.importorskip("h5py")
+    frames = random_frames((20, 256, 256))
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        shape, chunks = (100_000, 256, 256), (10, 256, 256)
+        file.create_dataset("x", shape, bool, chunks=chunks, compression="gzip")[:20] = frames
+    message = r"a\.h5: x: 9998 of its 10000 chunks are missing and are read as the fill value"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        bits = jl.open(tmp_path / "a.h5", isolate=isolate)
+    np.testing.assert_array_equal(bits[:30].counts(), frames.sum(0))
 
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):

@@ -20,7 +20,7 @@ from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import DataSet, Hdf5Library
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
-from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.limits import check_frame_size, describe_missing_chunks
 from jotlight.formats.magic import has_type
 from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
 from jotlight.interrupts import hold_signals
@@ -31,6 +31,10 @@ from jotlight.sensing.provenance import Provenance
 
 _MAX_CHUNK_BYTES = 1 << 28
 """Maximum size of a chunk in bytes. The library decompresses a chunk as a whole."""
+
+_MAX_MISSING = 10_000
+"""Maximum number of missing chunks for each existing one. The library fills ten times as many in
+the time that zarr takes."""
 
 _WRITTEN_CHUNK_BYTES = 1 << 20
 """Maximum size in bytes of the chunks that jotlight writes, unless one frame has more."""
@@ -113,9 +117,14 @@ def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> St
     if data_set.elsewhere:
         raise ValueError(f"{path}: {data_set.name} is in other files, which are not opened")
     dtype = np.dtype(data_set.dtype)
-    size = math.prod(data_set.shape) * dtype.itemsize
-    frame_bytes = size // max(1, data_set.shape[0]) if len(data_set.shape) > 2 else size
-    check_claimed_size(f"{path}: {data_set.name}", size, file.size, frame_bytes=frame_bytes)
+    shape, name = data_set.shape, f"{path}: {data_set.name}"
+    frame_bytes = math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize
+    check_frame_size(name, frame_bytes, file.size)
+    reason = "are read as the fill value; HDF5 omits chunks that were not written"
+    total, missing = data_set.chunks, data_set.missing_chunks
+    warning = describe_missing_chunks(
+        name, total - missing, total, _MAX_MISSING, kind="chunks", reason=reason
+    )
     if data_set.chunk_bytes > _MAX_CHUNK_BYTES:
         raise ValueError(
             f"{path}: {data_set.name} has chunks of more than {_MAX_CHUNK_BYTES} bytes"
@@ -130,9 +139,9 @@ def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> St
         with file.expect_unchanged(), _naming_file(path):
             return np.asarray(library.read(data_set, int(start), int(stop)))
 
-    frames = Frames(data_set.shape, read, dtype)
+    frames = Frames(shape, read, dtype)
     blocks = read_by_blocks(frames, data_set.chunk_frames, _MAX_CHUNK_BYTES)
-    return StoredArray(blocks, data_set.label)
+    return StoredArray(blocks, data_set.label, file.size, warning)
 
 
 def open_hdf5(path: Path, options: OpenOptions) -> Capture:

@@ -179,7 +179,10 @@ def _remote_bytes(file: RemoteFile, wanted: Any) -> memoryview:
 
 def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:
     data_set = DataSet(**{**fields, "path": path, "shape": tuple(fields["shape"])})
-    sizes = (*data_set.shape, data_set.chunk_bytes, data_set.chunk_frames)
+    sizes = (
+        *data_set.shape,
+        *(data_set.chunk_bytes, data_set.chunk_frames, data_set.chunks, data_set.missing_chunks),
+    )
     if not all(type(size) is int and size >= 0 for size in sizes):
         raise TypeError(f"a shape and chunks of {sizes}")
     if not isinstance(data_set.name, str) or np.dtype(data_set.dtype).kind not in "biuf":

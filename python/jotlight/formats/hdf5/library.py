@@ -45,6 +45,11 @@ class DataSet:
     chunk_bytes: int
     chunk_frames: int
     """Number of frames in a chunk, or 0 if the library decodes no chunk again to read its parts."""
+    chunks: int
+    """Number of chunks. For an array without chunks, its frames count as such."""
+    missing_chunks: int
+    """Number of chunks that were not written. 0 for a file at a URL, where counting them would
+    read the whole index."""
     elsewhere: bool
     """Whether the data are in other files."""
     label: str | None
@@ -120,10 +125,23 @@ def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
         item.dtype.str,
         math.prod(item.chunks or (0,)) * item.dtype.itemsize,
         _count_chunk_frames(item),
+        *_count_chunks(item),
         bool(item.external or item.is_virtual),
         label,
         ignored,
     )
+
+
+def _count_chunks(item: Any) -> tuple[int, int]:
+    """Return the number of chunks of a data set, and of those that were not written."""
+    if item.chunks is None:
+        is_missing = item.size > 0 and item.id.get_storage_size() == 0
+        return int(item.shape[0]), int(item.shape[0]) * is_missing
+    total = math.prod(
+        -(-size // chunk) for size, chunk in zip(item.shape, item.chunks, strict=True)
+    )
+    is_remote = item.file.driver == "fileobj"
+    return total, 0 if is_remote else total - item.id.get_num_chunks()
 
 
 def _count_chunk_frames(item: Any) -> int:

@@ -17,7 +17,7 @@ from jotlight.formats.capture import Capture
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, open_stored_array
-from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.limits import check_frame_size, describe_missing_chunks
 from jotlight.formats.remote_files import raise_failure
 from jotlight.formats.safe_paths import list_below
 from jotlight.formats.zarr.manifest import (
@@ -155,12 +155,10 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
             "the zarr folder that contains it, or restore it from a copy"
         )
     chunks = _find_chunks(array, files)
-    check_claimed_size(
-        str(path),
-        math.prod(shape) * dtype.itemsize,
-        sum(files[name].size for name in chunks),
-        frame_bytes=math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize,
-    )
+    file_bytes = sum(files[name].size for name in chunks)
+    # The size of a chunk has a limit of its own, and the chunks are read one after the other.
+    frame_bytes = math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize
+    check_frame_size(str(path), frame_bytes, file_bytes)
     warning = _describe_missing_chunks(path, array, len(chunks))
     max_chunks = min(max(1, _MAX_READ_BYTES // sizes.chunk), _MAX_READ_CHUNKS)
 
@@ -177,7 +175,7 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
         return part
 
     frames = read_by_blocks(Frames(shape, read, dtype), array.chunks[0], MAX_CHUNK_BYTES)
-    return StoredArray(frames, label if isinstance(label, str) else None, warning)
+    return StoredArray(frames, label if isinstance(label, str) else None, file_bytes, warning)
 
 
 def _split(
@@ -215,23 +213,11 @@ def _find_chunks(array: Any, files: Iterable[str]) -> list[str]:
 
 
 def _describe_missing_chunks(path: Path, array: Any, found: int) -> str | None:
-    """Return a warning if only `found` chunks are in the folder, or None if all are there.
-
-    Raises
-    ------
-    ValueError
-        When nearly all are missing. Reading such an array would take hours.
-    """
-    total = math.prod(_chunk_grid(array))
-    if total - found > _MAX_MISSING * (found + 10):
-        raise ValueError(f"{path}: only {found} of its {total} chunks exist; it is damaged")
-    if found == total:
-        return None
+    """Return a warning if only `found` chunks are in the folder, or None if all are there."""
     kind, fill_value = "shards" if array.shards else "chunks", array.metadata.fill_value or 0
-    return (
-        f"{path}: {total - found} of its {total} {kind} are missing and are read as "
-        f"{fill_value}; zarr omits {kind} that hold nothing else, so check whether this is expected"
-    )
+    reason = f"are read as {fill_value}; zarr omits {kind} that hold nothing else"
+    total = math.prod(_chunk_grid(array))
+    return describe_missing_chunks(str(path), found, total, _MAX_MISSING, kind=kind, reason=reason)
 
 
 def _verify(path: Path) -> int:
