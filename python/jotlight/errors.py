@@ -66,6 +66,31 @@ class SeveralArraysError(ValueError):
         return cls(text, names)
 
 
+class ChangedFileError(OSError):
+    """An error for a file that has changed since it was opened.
+
+    Parameters
+    ----------
+    message : str
+        The message, which names the file.
+    """
+
+    @classmethod
+    def of_file(cls, path: object) -> Self:
+        """Return the error for a file that was written, replaced, or resized.
+
+        Examples
+        --------
+        >>> print(ChangedFileError.of_file("a.npy"))
+        a.npy: the file has changed since it was opened, so its bits are not reliable; open it \
+again when no program writes to it
+        """
+        return cls(
+            f"{path}: the file has changed since it was opened, so its bits are not reliable; open "
+            "it again when no program writes to it"
+        )
+
+
 class MissingExtraError(ImportError):
     """An error for a missing optional package. The message says how to install it."""
 

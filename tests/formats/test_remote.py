@@ -1,4 +1,5 @@
 import gc
+import os
 import pickle
 import warnings
 from pathlib import Path
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.errors import SeveralArraysError, error_message
+from jotlight.errors import ChangedFileError, SeveralArraysError, error_message
 from jotlight.formats import remote_files
 from jotlight.formats.locations import expand, file_state, is_glob, is_url
 from jotlight.formats.remote import LocalCopy
@@ -186,6 +187,40 @@ def test_a_file_at_a_url_that_changed_is_refused(tmp_path):
         np.save(tmp_path / "a.npy", np.zeros((8000, 4, 8), np.uint8))
         with pytest.raises(ValueError, match="has changed"):
             pickle.loads(data)
+
+
+def write_at_url(folder, kind, value):
+    """Write a capture of bytes of one value, and return its URL."""
+    import fsspec
+
+    file = folder / "a.npy"
+    np.save(file, np.full((64, 8, 8), value, np.uint8))
+    url = file.as_uri() if kind == "file" else f"memory://{folder.name}/a.npy"
+    fsspec.filesystem(kind).pipe(url, file.read_bytes())
+    return url
+
+
+@pytest.mark.parametrize("kind", ["file", "memory"])
+@pytest.mark.parametrize("lazy", [False, True])
+def test_data_that_are_replaced_at_a_url_are_errors(tmp_path, kind, lazy):
+    bits = jl.open(write_at_url(tmp_path, kind, 0), counts=False)
+    parts = bits.windows(32)
+    assert next(parts).counts().max() == 0
+    counts = jl.dask.count(bits, 32) if lazy else None
+    write_at_url(tmp_path, kind, 255)
+    with pytest.raises((OSError, ValueError), match=r"a\.npy: .*has changed since it was opened"):
+        counts.compute(scheduler="sync") if lazy else next(parts).counts()
+
+
+def test_a_web_server_states_when_a_file_was_changed(tmp_path):
+    name = tmp_path / "a.npy"
+    np.save(name, np.zeros((64, 8, 8), np.uint8))
+    with http_server(tmp_path) as server:
+        parts = jl.open(f"{server.url}/a.npy", counts=False).windows(32)
+        assert next(parts).counts().max() == 0
+        os.utime(name, (7, 7))
+        with pytest.raises(ChangedFileError, match=r"a\.npy: the file has changed since"):
+            next(parts).counts()
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.errors import ChangedFileError
 from jotlight.formats.remote_files import remote_file
 from jotlight.sensing.frames import Packed
 
@@ -106,18 +107,19 @@ class FileReader:
     def expect_unchanged(self) -> Iterator[None]:
         """Raise OSError when the file has changed before or while a library reads it.
 
-        A change during the reading may also cause an error of the library.
+        A change during the reading may also cause an error of the library, which it then replaces.
         """
         self.check_unchanged()
-        yield
+        try:
+            yield
+        except Exception:
+            self.check_unchanged()
+            raise
         self.check_unchanged()
 
     def _check(self, status: os.stat_result, *, complete: bool = True) -> None:
         if not complete or _version(status) != self._version:
-            raise OSError(
-                f"{self.path}: the file has changed since it was opened, so its bits are not "
-                "reliable; open it again when no program writes to it"
-            )
+            raise ChangedFileError.of_file(self.path)
 
 
 def _version(status: os.stat_result) -> tuple[int, ...]:

@@ -11,6 +11,13 @@ _DENIED = 401, 403
 """Statuses with which web servers refuse credentials."""
 
 
+_TAGS = (
+    *("ETag", "etag", "md5Hash", "Content-MD5", "Digest", "Last-Modified", "LastModified"),
+    *("last_modified", "mtime", "updated", "created"),
+)
+"""Names of facts about a file that change with its content. Each file system has its own."""
+
+
 def import_fsspec() -> Any:
     """Return the library fsspec."""
     return import_extra("fsspec", "dask", "URLs")
@@ -99,10 +106,8 @@ def url_state(url: str, storage_options: Mapping[str, Any] | None) -> tuple[int,
     fs, path = open_file_system(url, storage_options)
     with explained(url):
         is_folder = is_remote_folder(fs, path)
-        found = fs.find(path, detail=True) if is_folder else {path: fs.info(path)}
-    facts = sorted(
-        (str(name), int(each.get("size") or 0), _tag(each)) for name, each in found.items()
-    )
+        found = fs.find(path, detail=True) if is_folder else {path: current_info(fs, path)}
+    facts = _facts(found)
     return sum(size for _, size, _ in facts), _digest(facts)
 
 
@@ -113,14 +118,34 @@ def find_files(
     fs, path = open_file_system(url, storage_options)
     with explained(url):
         found = fs.find(path, detail=True)
+    return _facts(found)
+
+
+def current_info(fs: Any, path: str) -> dict[str, Any]:
+    """Return what a file system states about a file now, not what it remembers."""
+    fs.invalidate_cache(path)
+    return dict(fs.info(path))
+
+
+def content_tags(info: Mapping[str, Any]) -> dict[str, str]:
+    """Return those facts about a file that change with its content, the best ones first.
+
+    Some servers state none.
+
+    Examples
+    --------
+    >>> content_tags({"size": 3, "LastModified": 7, "ETag": 'W/"5f"'})
+    {'ETag': '5f', 'LastModified': '7'}
+    """
+    # A list of files may mark an ETag in another way than the answer about a single file.
+    return {name: str(info[name]).removeprefix("W/").strip('"') for name in _TAGS if info.get(name)}
+
+
+def _facts(found: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, int, str]]:
     return sorted(
-        (str(name), int(each.get("size") or 0), _tag(each)) for name, each in found.items()
+        (str(name), int(each.get("size") or 0), next(iter(content_tags(each).values()), ""))
+        for name, each in found.items()
     )
-
-
-def _tag(info: Mapping[str, Any]) -> str:
-    names = ("ETag", "etag", "LastModified", "mtime", "updated", "last_modified", "md5Hash")
-    return str(next((info[name] for name in names if info.get(name)), ""))
 
 
 def _digest(facts: object) -> int:

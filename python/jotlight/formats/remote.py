@@ -14,7 +14,12 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from jotlight.formats.description import description_path, find_description
-from jotlight.formats.file_systems import explained, is_remote_folder, open_file_system
+from jotlight.formats.file_systems import (
+    current_info,
+    explained,
+    is_remote_folder,
+    open_file_system,
+)
 from jotlight.formats.remote_files import RemoteFile, add_stub, remove_stubs
 
 _MAX_FILES = 1_000_000
@@ -92,7 +97,7 @@ class LocalCopy:
                 raise ValueError(f"{self.url}: the name {relative} leads out of the folder")
             local = self.path / relative
             local.parent.mkdir(parents=True, exist_ok=True)
-            self._copy(remote, local, info.get("size"))
+            self._copy(remote, local, info)
 
     def _copy_companions(self, root: str) -> None:
         """Fetch the description beside a cube, and the maps that it names."""
@@ -112,15 +117,14 @@ class LocalCopy:
             file.parent.mkdir(parents=True, exist_ok=True)
             self._copy(f"{parent}/{relative}", file)
 
-    def _copy(self, remote: str, local: Path, size: int | None = None) -> None:
+    def _copy(self, remote: str, local: Path, info: Mapping[str, Any] | None = None) -> None:
         """Fetch a file, or make a stub of it."""
         url = self.url if local == self.path else f"{self.url} ({local.name})"
-        if size is None:
+        if info is None or info.get("size") is None:
             with explained(url):
-                size = self._fs.info(remote).get("size")
-        if size is None:
-            raise OSError(f"{url}: its server does not state the size of the file")
-        file = RemoteFile(self._fs, remote, url, int(size))
+                info = current_info(self._fs, remote)
+        file = RemoteFile(self._fs, remote, url, info)
+        size = file.size
         if local.name not in _METADATA and not local.name.lower().endswith(_FETCHED):
             self._stubs.append(local)
             add_stub(local, file)
@@ -131,6 +135,7 @@ class LocalCopy:
             self._fs.get_file(remote, str(local))
         if local.stat().st_size != size:
             raise OSError(f"{url}: expected {size} bytes, got {local.stat().st_size}")
+        file.check_unchanged()
 
 
 def _delete(folder: Path, stubs: list[Path]) -> None:

@@ -6,11 +6,12 @@ A stub has the size of its file, but not its content. :func:`open_binary` and
 
 import io
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
-from jotlight.formats.file_systems import explained
+from jotlight.errors import ChangedFileError
+from jotlight.formats.file_systems import content_tags, current_info, explained
 from jotlight.formats.locks import ProcessLock
 
 BLOCK_BYTES = 1 << 14
@@ -86,13 +87,22 @@ class RemoteFile:
         The path in the file system.
     url : str
         The URL, for messages.
-    size : int
-        Number of bytes.
+    info : mapping
+        What the file system states about the file.
+
+    Raises
+    ------
+    OSError
+        When the size of the file is unknown.
     """
 
-    def __init__(self, fs: Any, path: str, url: str, size: int) -> None:
-        self._fs, self._path = fs, path
-        self.url, self.size = url, size
+    def __init__(self, fs: Any, path: str, url: str, info: Mapping[str, Any]) -> None:
+        if info.get("size") is None:
+            raise OSError(f"{url}: its server does not state the size of the file")
+        self._fs, self._path, self.url = fs, path, url
+        self.size = int(info["size"])
+        """Number of bytes."""
+        self._tags = content_tags(info)
         self.failure: OSError | None = None
         """The error of the last reading, if it failed."""
 
@@ -102,7 +112,7 @@ class RemoteFile:
         Raises
         ------
         OSError
-            When they cannot be read.
+            When they cannot be read, or the file has changed since it was opened.
         """
         self.failure = None
         try:
@@ -117,12 +127,25 @@ class RemoteFile:
             return b""
         with explained(self.url):
             data: bytes = self._fs.cat_file(self._path, start=start, end=stop)
+        self.check_unchanged()
         if len(data) != stop - start:
             raise OSError(
-                f"{self.url}: expected {stop - start} bytes from {start} on, got {len(data)}; the "
-                "file has changed since it was opened, or its server does not support ranges"
+                f"{self.url}: expected {stop - start} bytes from {start} on, got {len(data)}; its "
+                "server does not support ranges"
             )
         return data
+
+    def check_unchanged(self) -> None:
+        """Raise ChangedFileError when the file has changed since it was opened.
+
+        If its server states no tag and no time of a change, only the sizes are compared.
+        """
+        with explained(self.url):
+            info = current_info(self._fs, self._path)
+        tags, opened = content_tags(info), self._tags
+        common = next((name for name in tags if name in opened), None)
+        if info.get("size") != self.size or (common and tags[common] != opened[common]):
+            raise ChangedFileError.of_file(self.url)
 
 
 class RemoteStream(io.RawIOBase):
