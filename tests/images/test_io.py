@@ -2,6 +2,7 @@ import io
 import struct
 import time
 import zlib
+from functools import partial
 
 import numpy as np
 import png
@@ -10,6 +11,7 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
+from jotlight.formats import limits
 from jotlight.images.io import image_writer, read_image
 
 GRAY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
@@ -112,10 +114,23 @@ def test_the_exif_orientation_is_applied(tmp_path):
 
 def test_an_image_that_would_fill_the_memory_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
-    path = tmp_path / "bomb.png"
+    path = tmp_path / "bomb.jpg"
     Image.new("L", (40, 40)).save(path)
-    with pytest.raises(ValueError, match=r"bomb\.png.*pixels"):
+    with pytest.raises(ValueError, match=r"bomb\.jpg: expected an image of at most 200 pixels"):
         read_image(path)
+
+
+def test_a_large_png_is_read_unless_it_is_compressed_very_well(tmp_path, monkeypatch):
+    path = tmp_path / "large.png"
+    Image.new("L", (40, 40)).save(path)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    assert read_image(path).shape == (40, 40)
+    monkeypatch.setattr(limits, "_FREE_FRAME_BYTES", 100)
+    monkeypatch.setattr(limits, "_MAX_FRAME_EXPANSION", 1)
+    message = r"large\.png.*expected frames of at most 100 bytes, or 1 times .*, got 1600;"
+    for read in (read_image, partial(jl.open, counts=True)):
+        with pytest.raises(ValueError, match=message):
+            read(path)
 
 
 def test_the_error_of_a_damaged_file_names_it(tmp_path):

@@ -234,7 +234,7 @@ def test_the_error_of_an_unreadable_image_names_it(folder, name, content, messag
 def test_the_error_of_a_truncated_image_names_it(folder):
     whole = (folder / "c.png").read_bytes()
     (folder / "c.png").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match=r"c\.png: the image is damaged or truncated"):
+    with pytest.raises(ValueError, match=r"c\.png: the image cannot be read"):
         read_image_set(folder)
 
 

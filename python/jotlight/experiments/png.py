@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
+from PIL.PngImagePlugin import PngImageFile
 
 from jotlight.formats.images.png_chunks import check_png
-from jotlight.formats.limits import check_claimed_size
 
 
 def encode_png(image: npt.NDArray[Any]) -> bytes:
@@ -30,8 +30,7 @@ def decode_png(file: bytes, name: str) -> npt.NDArray[np.float32]:
     """
     try:
         check_png(file)
-        with Image.open(io.BytesIO(file)) as image:
-            check_claimed_size("the header", image.width * image.height, len(file))
+        with PngImageFile(io.BytesIO(file)) as image:
             levels = np.asarray(image)
     except Exception as error:  # any type: Pillow does not check everything it reads
         raise ValueError(f"{name}: damaged; delete these results with --restart") from error

@@ -137,13 +137,15 @@ def _as_photograph(path: Path, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     """Return the values of an image, and the level of intensity 1."""
     from PIL import Image, ImageOps, UnidentifiedImageError
+    from PIL.PngImagePlugin import PngImageFile
 
     try:
         with contextlib.ExitStack() as stack:
             # Pillow would map some files into memory if it opened them itself.
             stream = stack.enter_context(path.open("rb"))
             png = checked_png(stream)
-            file = stack.enter_context(Image.open(stream))
+            # Pillow limits the number of pixels; the size of a PNG has been checked.
+            file = stack.enter_context((PngImageFile if png else Image.open)(stream))
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
             if png is not None and png.depth == 16 and png.color_type != GRAYSCALE:
@@ -160,11 +162,15 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     except UnidentifiedImageError as error:
         raise ValueError(f"{path}: expected an image, but no known format fits") from error
     except Image.DecompressionBombError as error:
-        raise ValueError(f"{path}: {error}") from error
+        limit = 2 * (Image.MAX_IMAGE_PIXELS or 0)
+        raise ValueError(
+            f"{path}: expected an image of at most {limit} pixels, which is the limit of Pillow, "
+            "got more; if it is no hostile file, save it as PNG or TIFF"
+        ) from error
     except Exception as error:  # any type: Pillow does not check everything it reads
         if str(error).startswith(str(path)):
             raise
-        raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
+        raise ValueError(f"{path}: the image cannot be read ({error})") from error
 
 
 def _upright(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:

@@ -7,6 +7,8 @@ import dataclasses
 import zlib
 from collections.abc import Iterator
 
+from jotlight.formats.limits import check_claimed_size
+
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 """First bytes of a PNG."""
 
@@ -49,6 +51,11 @@ class PngHeader:
             total += rows * (1 + -(-bits // 8)) if columns else 0
         return total
 
+    def decoded_bytes(self) -> int:
+        """Return the number of bytes of the image in memory, where a level has 8 or 16 bits."""
+        channels = _CHANNELS[self.color_type]
+        return self.width * self.height * channels * max(1, self.depth // 8)
+
 
 def check_png(content: bytes, *, trailing: bool = False) -> PngHeader:
     """Return the header of a PNG after checking all of its bytes.
@@ -64,7 +71,8 @@ def check_png(content: bytes, *, trailing: bool = False) -> PngHeader:
     ------
     ValueError
         When a chunk is damaged or missing, or the compressed levels are incomplete, do not fit
-        their checksum, or have another size than the header states.
+        their checksum, or have another size than the header states. When the image is much larger
+        than the file, see :func:`jotlight.formats.limits.check_frame_size`.
 
     Examples
     --------
@@ -92,6 +100,8 @@ def check_png(content: bytes, *, trailing: bool = False) -> PngHeader:
         raise ValueError(f"expected nothing after its last chunk, got {len(content) - end} bytes")
     if header is None:
         raise ValueError("it has no header")
+    size = header.decoded_bytes()
+    check_claimed_size("the header", size, len(content), frame_bytes=size)
     _check_levels(levels, header.data_bytes())
     return header
 
