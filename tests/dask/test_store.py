@@ -121,9 +121,14 @@ def test_another_process_may_finish_first(tmp_path, monkeypatch):
 def test_equal_process_ids_do_not_share_a_temporary_folder(tmp_path, monkeypatch):
     store, names = store_at(tmp_path / "v.zarr"), []
     monkeypatch.setattr("os.getpid", lambda: 7)
-    monkeypatch.setattr("pathlib.Path.rename", lambda path, target: names.append(path.name))
-    for _ in range(2):
-        store.create()
+
+    def rename(path, target):
+        names.append(path.name)
+        if len(names) == 1:
+            store.create()  # as another process, at the same time
+
+    monkeypatch.setattr("pathlib.Path.rename", rename)
+    store.create()
     assert len(set(names)) == 2
 
 
@@ -231,6 +236,28 @@ def test_another_process_never_finds_a_part_of_an_image(tmp_path, monkeypatch):
         "zarr.json",
         *(f"c.{index}.0.0" for index in range(5)),
     }
+
+
+def test_creating_a_video_removes_what_a_killed_process_left(tmp_path, monkeypatch):
+    pytest.importorskip("fcntl", reason="needs locks of files")
+    store = store_at(tmp_path / "v.zarr")
+    killed = []
+
+    def kill(store, temporary):
+        (temporary / "groups").mkdir()
+        names = temporary, temporary.with_name(f"{temporary.name}.lock")
+        killed.extend(shutil.move(name, f"{name}.kept") for name in names)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as context:
+        context.setattr(VideoStore, "_create_in", kill)
+        with pytest.raises(KeyboardInterrupt):
+            store.create()
+    for name in killed:
+        shutil.move(name, name.removesuffix(".kept"))
+    assert len(list(tmp_path.iterdir())) == 2
+    store.create()
+    assert [path.name for path in tmp_path.iterdir()] == ["v.zarr.part"]
 
 
 def test_failed_writes_name_the_video(tmp_path):

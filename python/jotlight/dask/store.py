@@ -10,6 +10,7 @@ When all groups are complete, the array receives its record as an attribute and 
 steps can be repeated: a killed run continues where it stopped.
 """
 
+import contextlib
 import dataclasses
 import json
 import math
@@ -34,6 +35,7 @@ from jotlight.files import (
     write_file,
 )
 from jotlight.formats.zarr.writing import import_zarr
+from jotlight.temporary_names import reserve_temporary
 
 PART = ".part"
 """Ending of the folder in which an array is made."""
@@ -148,20 +150,18 @@ class VideoStore:
         """
         if self.is_complete() or self.part.exists():
             return
-        # Processes on other machines, or in containers, may have the same process id.
-        temporary = self.part.with_name(f".{self.part.name}-{uuid.uuid4().hex}")
         create_parent(self.path)
-        with explained_creation(self.path):
-            temporary.mkdir()
-        try:
-            with explained_failure(self.path, temporary):
-                self._create_in(temporary)
-            temporary.rename(self.part)
-        except BaseException as reason:  # also Ctrl-C, because nothing else removes the folder
-            shutil.rmtree(temporary, ignore_errors=True)
-            was_faster = isinstance(reason, OSError) and (self.is_complete() or self.part.exists())
-            if not was_faster:  # another process, with the same run
-                raise
+        with contextlib.ExitStack() as stack:
+            with explained_creation(self.path):
+                temporary = stack.enter_context(reserve_temporary(self.part))
+                temporary.mkdir()
+            try:
+                with explained_failure(self.path, temporary):
+                    self._create_in(temporary)
+                temporary.rename(self.part)
+            except OSError:
+                if not (self.is_complete() or self.part.exists()):
+                    raise  # otherwise, another process was faster, with the same run
 
     def _create_in(self, temporary: Path) -> None:
         """Create the array, and the files that describe it, in a new folder."""
