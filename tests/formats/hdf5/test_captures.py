@@ -1,6 +1,8 @@
 """HDF5 files: data sets, labels, and hostile files."""
 
 import hashlib
+import os
+import shutil
 import signal
 import sys
 
@@ -10,6 +12,7 @@ import pytest
 import jotlight as jl
 from examples.arrays import random_bits, random_frames
 from examples.captures import BITS_WITH_MAPS
+from jotlight.errors import ChangedFileError
 from jotlight.formats.hdf5.captures import list_data_sets
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import Hdf5Library
@@ -81,6 +84,45 @@ def test_an_array_that_was_allocated_before_the_capture_is_read(tmp_path, isolat
     with pytest.warns(jl.JotlightWarning, match=message):
         bits = jl.open(tmp_path / "a.h5", isolate=isolate)
     np.testing.assert_array_equal(bits[:30].counts(), frames.sum(0))
+
+
+@pytest.mark.parametrize("isolate", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_file_that_another_program_is_writing_is_not_called_damaged(tmp_path, isolate):
+    h5py = pytest.importorskip("h5py")
+    fcntl = pytest.importorskip("fcntl", reason="needs locks of files")
+    with h5py.File(tmp_path / "a.h5", "w", libver="latest") as file:
+        file["a"] = COUNTS
+        file.swmr_mode = True
+        shutil.copy(tmp_path / "a.h5", tmp_path / "marked.h5")
+    with pytest.raises(OSError, match=r"marked\.h5: another program is writing it.*h5clear"):
+        jl.open(tmp_path / "marked.h5", isolate=isolate)
+    with (tmp_path / "a.h5").open("rb") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(OSError, match=r"a\.h5: another program is writing it; open it again"):
+            jl.open(tmp_path / "a.h5", isolate=isolate)
+
+
+@pytest.mark.parametrize("isolate", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_another_program_can_write_an_open_file(tmp_path, isolate):
+    pytest.importorskip("h5py")
+    fcntl = pytest.importorskip("fcntl", reason="needs locks of files")
+    jl.save(random_bits((20, 8, 8)), tmp_path / "a.h5")
+    bits = jl.open(tmp_path / "a.h5", isolate=isolate)
+    with (tmp_path / "a.h5").open("rb") as other:
+        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    os.utime(tmp_path / "a.h5", (1, 1))
+    with pytest.raises(ChangedFileError, match=r"a\.h5: the file has changed"):
+        bits.counts()
+
+
+def test_the_lock_of_a_file_that_the_caller_has_open_is_kept(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    fcntl = pytest.importorskip("fcntl", reason="needs locks of files")
+    jl.save(random_bits((20, 8, 8)), tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as file, (tmp_path / "a.h5").open("rb") as other:
+        assert len(jl.open(tmp_path / "a.h5")) == len(file["bits"])
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):

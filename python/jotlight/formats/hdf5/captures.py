@@ -52,6 +52,16 @@ _USER_BLOCK = (
 _MARKS = (b"jotlight wrote", b"SHA-256")
 """Parts of this text that identify it. One flipped bit cannot damage both."""
 
+_IS_WRITTEN = "another program is writing it; open it again when it is complete"
+
+_MARKED = "already open for"
+"""A part of the library's error for a file that is marked as being written."""
+
+_IS_MARKED = (
+    "if no program writes it any more, the one that did has crashed: copy the file, and remove its "
+    "mark by `h5clear --status COPY`"
+)
+
 
 class Library(Protocol):
     """The calls of the HDF5 library that jotlight needs, in this process or in a child process."""
@@ -87,8 +97,12 @@ def _naming_file(path: Path) -> Iterator[None]:
         ) from error
     except (FileNotFoundError, PermissionError, ChildProcessError):
         raise
+    except BlockingIOError as error:
+        raise OSError(f"{path}: {_IS_WRITTEN}") from error
     except Exception as error:  # the library raises many exceptions for damaged files
         raise_failure([path])
+        if _MARKED in str(error):
+            raise OSError(f"{path}: {_IS_WRITTEN}; {_IS_MARKED}") from error
         if str(path) in str(error) and isinstance(error, ValueError):
             raise
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error

@@ -19,7 +19,8 @@ from jotlight.formats.hdf5.library import SECONDS, DataSet, receive, send
 from jotlight.formats.remote_files import RemoteFile, RemoteStream, remote_file
 
 _ERRORS = {
-    each.__name__: each for each in (ImportError, FileNotFoundError, PermissionError, ValueError)
+    each.__name__: each
+    for each in (ImportError, FileNotFoundError, PermissionError, BlockingIOError, ValueError)
 }
 """Types of errors that the child process may report. All others become a ValueError."""
 

@@ -15,6 +15,11 @@ import weakref
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 _MAX_DATA_SETS = 1000
 """Maximum number of data sets that are listed for a file."""
 
@@ -62,8 +67,9 @@ class DataSet:
 class Hdf5Library:
     """The HDF5 library. Its methods raise any exception when a file is damaged.
 
-    Three exceptions have another cause: ImportError means that h5py is not installed, and
-    FileNotFoundError and PermissionError mean that the file cannot be opened.
+    Some exceptions have another cause: ImportError means that h5py is not installed,
+    FileNotFoundError and PermissionError mean that the file cannot be opened, and BlockingIOError
+    means that another program is writing it.
     """
 
     def __init__(self, open_file: Callable[[str], Any] = str) -> None:
@@ -100,8 +106,10 @@ class Hdf5Library:
                 found[name] = item
             return True if len(found) >= _MAX_DATA_SETS else None
 
+        file = h5py.File(self._open_file(path), "r")
+        _release_lock(file)
         # visititems follows no links, so a file cannot lead to another file.
-        h5py.File(self._open_file(path), "r").visititems(visit)
+        file.visititems(visit)
         # HDF5 closes a file when nothing refers to its data sets any more.
         while len(files) >= _MAX_OPEN_FILES:
             del files[next(iter(files))]
@@ -111,6 +119,22 @@ class Hdf5Library:
 
 _LIBRARIES: weakref.WeakSet[Hdf5Library] = weakref.WeakSet()
 """All libraries of this process."""
+
+
+def _release_lock(file: Any) -> None:
+    """Let other programs write to a file, unless others in this process had opened it.
+
+    The library has taken a lock, so no program was writing the file. It would keep the lock as long
+    as the file is open, but who calls this module compares the state of the file with that at
+    opening before and after each reading. With `locking=False`, nobody else in this process could
+    open the file with a lock.
+    """
+    import h5py
+
+    if fcntl is None or file.driver != "sec2":
+        return
+    if h5py.h5f.get_obj_count(file.id, h5py.h5f.OBJ_FILE) == 1:
+        fcntl.flock(file.id.get_vfd_handle(), fcntl.LOCK_UN)
 
 
 def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
