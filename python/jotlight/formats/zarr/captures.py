@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import ChangedFileError
 from jotlight.formats.blocks import read_by_blocks
 from jotlight.formats.capture import Capture
 from jotlight.formats.file_reader import FileReader
@@ -169,6 +170,8 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
             for block in _split(region, tuple(array.chunks), max_chunks):
                 rows = slice(block[0].start - start, block[0].stop - start)
                 part[(rows, *block[1:])] = array[block]
+        except (ChangedFileError, FileNotFoundError):
+            raise
         except Exception as error:
             raise_failure(file.path for file in files.values())
             raise ValueError(f"{path}: a chunk is damaged ({error})") from error

@@ -11,6 +11,7 @@ from zarr.abc.store import OffsetByteRequest, RangeByteRequest, SuffixByteReques
 from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import LocalStore, StorePath
 
+from jotlight.errors import ChangedFileError
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.remote_files import RemoteFile, remote_file
 from jotlight.formats.zarr.codecs import ChunkSizes, bound_codecs
@@ -108,7 +109,10 @@ class BoundedStore(LocalStore):
         if key in self._files:
             self._files[key].check_unchanged()
         elif (self.root / key).exists():
-            raise OSError(f"{key} was added after the folder was opened; open it again")
+            raise ChangedFileError(
+                f"{self.root / key}: was added after the folder was opened; open the folder again "
+                "when it is complete"
+            )
 
     def _check(self, key: str, byte_range: Any) -> None:
         self._check_unchanged(key)
