@@ -1,6 +1,7 @@
 import gc
 import os
 import pickle
+import re
 import warnings
 from pathlib import Path
 
@@ -210,6 +211,18 @@ def test_data_that_are_replaced_at_a_url_are_errors(tmp_path, kind, lazy):
     write_at_url(tmp_path, kind, 255)
     with pytest.raises((OSError, ValueError), match=r"a\.npy: .*has changed since it was opened"):
         counts.compute(scheduler="sync") if lazy else next(parts).counts()
+
+
+@pytest.mark.parametrize("isolate", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_damage_that_is_found_when_frames_are_read_names_the_url(tmp_path, isolate):
+    pytest.importorskip("h5py")
+    jl.save(jl.Bits.from_array(np.ones((9, 8, 8), bool)), tmp_path / "a.h5")
+    content = bytearray((tmp_path / "a.h5").read_bytes())
+    content[content.index(b"\x78\x01") + 9] ^= 4  # in the compressed frames
+    (tmp_path / "a.h5").write_bytes(content)
+    url = (tmp_path / "a.h5").as_uri()
+    with pytest.raises(ValueError, match=f"^{re.escape(url)}: the HDF5 file is damaged"):
+        jl.open(url, isolate=isolate).counts()
 
 
 def test_a_web_server_states_when_a_file_was_changed(tmp_path):

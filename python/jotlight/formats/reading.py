@@ -238,12 +238,10 @@ def _open_url(url: str, storage_options: dict[str, Any] | None, options: dict[st
     state, frames = url_state(url, storage_options), frames_of(capture)
     if not isinstance(frames, Frames):
         return capture
-
-    def read(start: int, stop: int) -> npt.NDArray[Any]:
-        assert copy.path, "the local copy lives as long as this function"
-        return frames.read(start, stop)
-
-    kept = Frames(frames.shape, read, frames.dtype, frames.verify)
+    # The local copy lives as long as these functions.
+    read = copy.named_in_errors()(frames.read)
+    verify = copy.named_in_errors()(frames.verify)
+    kept = Frames(frames.shape, read, frames.dtype, verify)
     kept.set_origin(functools.partial(_open_url_data, url, state, storage_options, **options))
     return with_frames(capture, kept)
 
