@@ -25,7 +25,7 @@ def test_a_whole_number_becomes_a_plain_int(value):
     assert type(whole_number("steps", value, 1)) is int
 
 
-@pytest.mark.parametrize("value", [1.0, "1", None, [1]])
+@pytest.mark.parametrize("value", [1.0, "1", None, [1], True, np.bool_(1)])
 def test_other_types_are_not_whole_numbers(value):
     with pytest.raises(TypeError, match="steps: expected a whole number, got"):
         whole_number("steps", value, 1)

@@ -22,6 +22,8 @@ def test_windows_are_whole_and_in_order():
         ((2.0,), "window: expected a whole number of frames, got 2.0"),
         (("2",), "window: expected a whole number of frames, got '2'"),
         ((np.int64(2), 1.5), "step: expected a whole number of frames, got 1.5"),
+        ((True,), "window: expected a whole number of frames, got True"),
+        ((2, True), "step: expected a whole number of frames, got True"),
     ],
 )
 def test_windows_of_a_fraction_of_frames_are_refused(arguments, message):

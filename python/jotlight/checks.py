@@ -48,18 +48,17 @@ def whole_number(name: str, value: Any, minimum: int) -> int:
 
     Raises
     ------
-    TypeError
-        When the value is not an integer.
-    ValueError
-        When the value is below `minimum`.
+    TypeError, ValueError
+        When the value is not an integer, or is a bool, or is below `minimum`.
 
     Examples
     --------
     >>> whole_number("steps", 3, 1)
     3
     """
+    other: Any = None if isinstance(value, bool) else value  # Python counts bool as int
     try:
-        number = operator.index(value)
+        number = operator.index(other)
     except TypeError:
         raise TypeError(f"{name}: expected a whole number, got {shown(value)}") from None
     if number < minimum:

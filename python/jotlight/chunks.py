@@ -60,7 +60,7 @@ def windows(
     Raises
     ------
     TypeError
-        If a number is no whole number.
+        If a number is no whole number, or a bool.
     ValueError
         If the window is longer than the capture, or a number is below 1.
 
@@ -70,7 +70,7 @@ def windows(
     [(0, 4), (3, 7), (6, 10)]
     """
     for each, value in ((name, window), ("step", window if step is None else step)):
-        if not hasattr(value, "__index__"):
+        if isinstance(value, bool) or not hasattr(value, "__index__"):
             raise TypeError(f"{each}: expected a whole number of frames, got {value!r:.80}")
     if not 1 <= window <= frames:
         raise ValueError(f"{name}: expected 1 to the capture's {frames} frames, got {window}")
