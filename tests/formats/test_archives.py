@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from examples.encodings import npy_bytes
 from jotlight.formats.archives import (
     describe_npz_arrays,
     read_npz,
@@ -39,6 +40,15 @@ def test_an_archive_of_another_program_has_no_checksum(tmp_path):
     np.savez(tmp_path / "a.npz", a=COUNTS)
     assert verify_npz(tmp_path / "a.npz") == 0
     assert read_npz_label(tmp_path / "a.npz") is None
+
+
+def test_arrays_of_one_name_are_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("a.npy", npy_bytes(COUNTS))
+        with pytest.warns(UserWarning, match="Duplicate name"):
+            archive.writestr("a.npy", npy_bytes(COUNTS + 1))
+    with pytest.raises(ValueError, match=r"a\.npz: .*got several arrays a; save them again"):
+        jl.open(tmp_path / "a.npz")
 
 
 def test_an_archive_whose_checksum_was_removed_is_refused(saved):

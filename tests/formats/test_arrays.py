@@ -21,6 +21,7 @@ OBJECTS = npy_bytes(np.array([[[{}]]], object), allow_pickle=True)
     [
         (CUBE[:-1], "size does not fit its header"),
         (CUBE[:100], "damaged"),
+        (CUBE.replace(b"'|u1'", b"int()"), r"damaged \(it is no dictionary of constants\)$"),
         (CUBE[:8], "damaged"),
         (CUBE[:6], "damaged"),
         (b"", "got an empty file"),

@@ -44,6 +44,7 @@ def test_a_cube_that_another_program_compressed_keeps_its_description(tmp_path):
     ("content", "message"),
     [
         (gzip_bytes(CUBE)[:-20], "damaged or truncated"),
+        (gzip_bytes(CUBE) + b"junk", "it ends too early, or has other bytes after its end"),
         (gzip_bytes(CUBE[:-1]), "ends 1 bytes too early"),
         (gzip_bytes(b"text"), "does not begin like one"),
         (gzip_bytes(npy_bytes(np.zeros((4, 8, 2), np.uint8, order="F"))), "Fortran"),
@@ -54,7 +55,7 @@ def test_a_cube_that_another_program_compressed_keeps_its_description(tmp_path):
             "more than a file of",
         ),
     ],
-    ids=["cut", "short", "text", "fortran", "rubbish", "header", "huge"],
+    ids=["cut", "followed", "short", "text", "fortran", "rubbish", "header", "huge"],
 )  # fmt: skip
 def test_damaged_compressed_cubes_are_refused(tmp_path, content, message):
     (tmp_path / "cube.npy.gz").write_bytes(content)

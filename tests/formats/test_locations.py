@@ -23,6 +23,15 @@ def test_a_missing_capture_has_no_state(tmp_path):
         files_state(tmp_path / "a.npy")
 
 
+def test_links_that_lead_to_no_file_are_named(tmp_path):
+    for name, target in {"loop.npy": "loop.npy", "lost.npy": "gone.npy"}.items():
+        (tmp_path / name).symlink_to(target)
+    with pytest.raises(FileNotFoundError, match=r"loop\.npy: the symbolic links .* form a loop"):
+        jl.open(tmp_path / "loop.npy")
+    with pytest.raises(FileNotFoundError, match=r"lost\.npy: it is a symbolic link to gone\.npy"):
+        jl.open(tmp_path / "lost.npy")
+
+
 def test_a_pattern_where_one_file_is_expected_has_advice(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"a\*\.npy; a pattern of several.*: name one; "):
         jl.open(tmp_path / "a*.npy")

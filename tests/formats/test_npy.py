@@ -70,6 +70,14 @@ def test_a_stack_of_counts_is_summed_with_a_warning(tmp_path):
         jl.open(tmp_path / "a.npz")
 
 
+@pytest.mark.parametrize("shape", [(0, 4, 4), (4, 0, 4), (4, 4, 0), (0, 4)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, bool])
+def test_arrays_without_numbers_are_refused(tmp_path, shape, dtype):
+    np.save(tmp_path / "a.npy", np.zeros(shape, dtype))
+    with pytest.raises(ValueError, match=r"a\.npy: .* with a dimension of 0"):
+        jl.open(tmp_path / "a.npy")
+
+
 def test_impossible_counts_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.array([[-1, 2]]))
     with pytest.raises(ValueError, match="counts from 0"):

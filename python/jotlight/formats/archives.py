@@ -167,7 +167,7 @@ def list_npz_arrays(path: Path) -> list[str]:
     FileNotFoundError
         When there is no such file.
     ValueError
-        When the file is not a zip archive, or has no arrays or too many.
+        When the file is not a zip archive, or has no arrays, too many, or two of one name.
     """
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
@@ -185,6 +185,12 @@ def list_npz_arrays(path: Path) -> list[str]:
     names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
     if not names:
         raise ValueError(f"{path}: expected a .npz archive of arrays, but it has none")
+    if len(set(names)) < len(names):
+        repeated = next(name for name in names if names.count(name) > 1)
+        raise ValueError(
+            f"{path}: expected a different name for each array, got several arrays {repeated}; "
+            "save them again under different names"
+        )
     return names
 
 

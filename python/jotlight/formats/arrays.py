@@ -56,6 +56,8 @@ _MAX_SIZE = 1 << 63
 
 def reason(error: Exception) -> str:
     """Return the message of an exception. zipfile raises EOFError without one."""
+    if "end-of-stream marker" in str(error):  # igzip means both cases
+        return "it ends too early, or has other bytes after its end"
     return str(error) or ("it ends too early" if isinstance(error, EOFError) else repr(error))
 
 
@@ -94,7 +96,12 @@ def read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     version = np.lib.format.read_magic(file)
     if version not in readers:
         raise ValueError(f"expected version 1, 2, or 3 of the .npy format, got {version}")
-    shape, fortran_order, dtype = readers[version](file)
+    try:
+        shape, fortran_order, dtype = readers[version](file)
+    except ValueError as error:
+        if "malformed node" in str(error):  # followed by an object of Python
+            raise ValueError("it is no dictionary of constants") from error
+        raise
     if dtype.shape:
         raise ValueError(f"expected an array of numbers, got elements of {dtype}")
     return shape, fortran_order, dtype

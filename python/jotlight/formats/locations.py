@@ -1,6 +1,7 @@
 """Paths, URLs, and globs of captures."""
 
 import contextlib
+import errno
 import glob
 import os
 import re
@@ -60,8 +61,24 @@ def check_exists(path: Path) -> None:
         )
     if was_url(path):
         raise FileNotFoundError(f"there is no file {path}; {_TAKEN.format('a URL')}")
+    _refuse_lost_links(path)
     advice = pattern_advice(path, f"name one; {_TAKEN.format('a pattern')}")
     raise FileNotFoundError(f"there is no file {path}{advice}")
+
+
+def _refuse_lost_links(path: Path) -> None:
+    """Raise FileNotFoundError when a path leads to no file through symbolic links."""
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise FileNotFoundError(
+                f"there is no file {path}: the symbolic links that lead to it form a loop"
+            ) from error
+    if path.is_symlink():
+        raise FileNotFoundError(
+            f"there is no file {path}: it is a symbolic link to {path.readlink()}, which is missing"
+        )
 
 
 def is_glob(path: str) -> bool:

@@ -84,6 +84,11 @@ def _open_array(
     label: str | None = None,
 ) -> Capture:
     """Return the bits or counts in an array. If `counts` is None, its type and shape decide."""
+    if 0 in array.shape:
+        raise ValueError(
+            f"{path}: expected an array with numbers in it, got shape {array.shape}, with a "
+            "dimension of 0"
+        )
     dimensions = len(array.shape)
     is_cube = array.dtype == np.uint8 and dimensions in (3, 4)
     if description is not None and description.format == READINGS:
@@ -99,7 +104,7 @@ def _open_array(
                 f"{description.path}: is the description of {description.format}, but {path.name} "
                 f"is read as {content}; {AS_STATED}, or move the description away"
             )
-    if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
+    if array.dtype == np.bool_ and dimensions in (3, 4) and not counts:
         provenance = Provenance(name, path.name, ("frames of bool, one bit each",))
         warn_about_axes(path.name, array.shape)
         return Bits(pack_lazily(array, path.name), array.shape[2], provenance=provenance)
