@@ -260,6 +260,15 @@ def test_creating_a_video_removes_what_a_killed_process_left(tmp_path, monkeypat
     assert [path.name for path in tmp_path.iterdir()] == ["v.zarr.part"]
 
 
+def test_a_name_may_be_as_long_as_that_of_the_unfinished_video(tmp_path):
+    store = store_at(tmp_path / f"{'a' * 244}.zarr")
+    assert not store.is_complete()
+    store.create()
+    assert not store.is_complete()
+    with pytest.raises(OSError, match="too long"):
+        store_at(tmp_path / f"{'a' * 246}.zarr").is_complete()
+
+
 def test_failed_writes_name_the_video(tmp_path):
     store = store_at(tmp_path / "v.zarr")
     store.create()
