@@ -121,6 +121,23 @@ def test_a_capture_may_itself_be_a_link(tmp_path):
         )
 
 
+def test_a_link_to_a_capture_may_have_a_link_to_its_description(tmp_path):
+    mask = np.zeros((8, 8), bool)
+    mask[2, 3] = True
+    sensor = jl.Sensor(frames=3, mask=mask)
+    (tmp_path / "linked").mkdir()
+    for name in ("own", "other"):
+        (tmp_path / name).mkdir()
+        jl.save(jl.Bits.from_array(np.ones((3, 8, 8), bool), sensor), tmp_path / name / "a.npy")
+    (tmp_path / "linked" / "a.npy").symlink_to("../own/a.npy")
+    (tmp_path / "linked" / "a.json").symlink_to("../own/a.json")
+    assert jl.open(tmp_path / "linked" / "a.npy").sensor == sensor
+    (tmp_path / "linked" / "a.json").unlink()
+    (tmp_path / "linked" / "a.json").symlink_to("../other/a.json")
+    with pytest.raises(ValueError, match=r"a\.json: leads to .*other.*outside of the folder"):
+        jl.open(tmp_path / "linked" / "a.npy")
+
+
 def test_links_that_lead_nowhere_are_refused(tmp_path):
     path = write_npy(tmp_path)
     (tmp_path / "a.mask.npy").unlink()

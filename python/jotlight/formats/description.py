@@ -180,7 +180,11 @@ def find_description(cube: Path) -> Description | None:
     path = _existing_description(cube)
     if not path.is_file():
         return None
-    check_inside(path, cube.parent)
+    target = path.resolve()
+    if path.is_symlink() and cube.is_symlink() and target.parent == cube.resolve().parent:
+        path = target  # the caller passed a link to the cube, and this one belongs to it
+    else:
+        check_inside(path, cube.parent)
     description = _read_own_description(path)
     if description is None:
         warn(f"{path} does not describe bits or counts of jotlight and is not used")
