@@ -48,6 +48,16 @@ def test_random_data_have_the_mean_of_the_forward_model(sensor, output):
     assert torch.equal(physics.A_adjoint(y), physics.A_dagger(y))
 
 
+@pytest.mark.parametrize("output", ["counts", "bits"])
+def test_data_of_narrow_types_have_the_estimates_of_floats(output):
+    physics, y = physics_and_data(SENSOR, output=output)
+    model = NetworkReconstructor(jl.Network.initial(SENSOR))
+    for name in ("uint8", "float16", "bool")[: 2 if output == "counts" else 3]:
+        narrow = y.to(getattr(torch, name))
+        assert torch.equal(physics.A_dagger(narrow), physics.A_dagger(y))
+        assert torch.equal(model(narrow, physics), model(y, physics))
+
+
 def test_the_vector_jacobian_product_agrees_with_finite_differences():
     physics, _ = physics_and_data(jl.Sensor(oversampling=3, kernel="cubic", threshold=2, gain=30.0))
     rng = torch.Generator().manual_seed(1)

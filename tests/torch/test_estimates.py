@@ -128,3 +128,24 @@ def test_images_of_few_photons_are_those_of_the_engine(frames, photons, threshol
     with torch.no_grad():
         found = Network(own)(torch.from_numpy(counts).float()[:, None], sensor)
     np.testing.assert_allclose(found[:, 0].numpy(), own.reconstruct(counts, sensor), atol=2e-4)
+
+
+@pytest.mark.parametrize("name", ["bool", "uint8", "int8", "uint16", "float16"])
+def test_counts_of_narrow_types_have_the_estimates_of_floats(name):
+    frames = 1 if name == "bool" else 100
+    # With lamps, sums of squares exceed 8 bits although the scene has few photons.
+    scene = 0.002 * IMAGE
+    scene[20:24, 20:24] = 1.0
+    sensor = jl.Sensor(frames=frames, gain=1.0 * frames)
+    network = Network(jl.Network.conditional("small", rng=0))
+    counts = torch.from_numpy(sensor.expose(scene, rng=0).counts())[None, None]
+    with torch.no_grad():
+        found = network(counts.to(getattr(torch, name)), sensor)
+        assert torch.equal(found, network(counts, sensor))
+
+
+def test_bright_sensors_take_bits():
+    sensor = jl.Sensor(gain=25.0)
+    counts = torch.from_numpy(sensor.expose(IMAGE, rng=0).counts())[None, None]
+    network = Network(jl.Network.conditional("small", rng=0))
+    assert torch.equal(network(counts.bool(), sensor), network(counts, sensor))

@@ -312,3 +312,11 @@ def test_data_out_of_range_are_refused():
     sensing = Sensing(jl.Sensor(frames=8), output="bits")
     with pytest.raises(ValueError, match="data: expected bits from 0 to 1, got -1"):
         sensing.log_likelihood(bits, torch.full((1, 1, 4, 4), 0.5))
+
+
+@pytest.mark.parametrize("name", ["uint8", "uint16", "int64", "float16"])
+def test_the_likelihood_takes_counts_of_any_type(name):
+    sensing = Sensing(jl.Sensor(frames=4000))
+    counts, image = torch.tensor([[[[0, 3, 200]]]]), torch.tensor([[[[0.1, 0.2, 0.3]]]])
+    found = sensing.log_likelihood(counts.to(getattr(torch, name)), image)
+    assert torch.equal(found, sensing.log_likelihood(counts.float(), image))

@@ -56,6 +56,62 @@ def shape_advice(name: str, images: Tensor) -> str:
     return ""
 
 
+def check_data(data: Tensor, sensor: Sensor, side: int, *, is_bits: bool) -> None:
+    """Raise TypeError or ValueError for data that a network cannot take from a sensor.
+
+    Parameters
+    ----------
+    data : Tensor
+        Counts (N, 1, H, W) or bits (N, T, H·K̂, W·K̂).
+    sensor : Sensor
+        Sensor of the data.
+    side : int
+        Rows and columns of the data per pixel: 1 for counts, K̂ for bits.
+    is_bits : bool
+        Whether the data are bits instead of counts.
+
+    Warns
+    -----
+    JotlightWarning
+        As :func:`check_values`.
+
+    Examples
+    --------
+    >>> check_data(torch.zeros(5, 6), Sensor(), 1, is_bits=False)
+    Traceback (most recent call last):
+    ...
+    ValueError: data: expected counts (N, 1, H, W) ... got shape (5, 6); ... data[None, None]
+    """
+    channels = sensor.frames if is_bits else 1
+    bits = f"bits (N, {channels}, H·K̂, W·K̂) with K̂ = {side}"
+    kind = bits if is_bits else "counts (N, 1, H, W)"
+    if not isinstance(data, Tensor):
+        raise TypeError(
+            f"data: expected a tensor of {kind}, got {type(data).__name__}; "
+            "for an image of counts, write torch.from_numpy(counts)[None, None]"
+        )
+    is_batch = data.dim() == 4 and data.shape[1] == channels
+    if not is_batch or any(size % side or not size for size in data.shape[2:]):
+        hint = "" if is_bits else shape_advice("data", data)
+        raise ValueError(
+            f"data: expected {kind} and at least one pixel, got shape {tuple(data.shape)}{hint}"
+        )
+    check_values(data, sensor, is_bits=is_bits)
+
+
+def as_floats(data: Tensor) -> Tensor:
+    """Return counts, bits, or intensities of any number type as floats, at least float32.
+
+    Sums and products of narrower types would overflow or be rounded.
+
+    Examples
+    --------
+    >>> [as_floats(torch.zeros(1, dtype=t)).dtype for t in (torch.bool, torch.half, torch.double)]
+    [torch.float32, torch.float32, torch.float64]
+    """
+    return data.to(torch.promote_types(data.dtype, torch.float32))
+
+
 def warn_about_levels(intensities: Tensor, max_intensity: float) -> None:
     """Warn about intensities that look like gray levels, as :meth:`Sensor.expose` does.
 

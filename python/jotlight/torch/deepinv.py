@@ -17,6 +17,7 @@ from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.sensor import Sensor
+from jotlight.torch.data_checks import as_floats
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.sensing import Sensing
 
@@ -96,7 +97,7 @@ class SensorPhysics(Physics):  # type: ignore[misc, unused-ignore]
             estimates = [mle(Bits.from_array(bits), self._box_sensor) for bits in data]
         else:
             estimates = [mle(counts[0], self._box_sensor) for counts in data]
-        return torch.from_numpy(np.stack(estimates)[:, None]).to(y)
+        return torch.from_numpy(np.stack(estimates)[:, None]).to(as_floats(y))
 
     def A_adjoint(self, y: Tensor, **_: Any) -> Tensor:  # noqa: N802
         """Return the starting point of solvers, the estimate of :meth:`A_dagger`."""
@@ -227,7 +228,7 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
         data, sensor = y, physics.sensing.sensor
         if physics.sensing.output == "bits" and self.module.origin.tied:
             side, (height, width) = sensor.oversampling, y.shape[2:]
-            jots = y.reshape(len(y), -1, height // side, side, width // side, side)
+            jots = as_floats(y).reshape(len(y), -1, height // side, side, width // side, side)
             data = jots.sum(dim=(1, 3, 5))[:, None]
         estimate: Tensor = self.module(data, sensor)
         return estimate

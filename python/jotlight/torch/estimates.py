@@ -217,7 +217,8 @@ def improve_dim(
             found = combine(fraction, sensor.trials, trials_range[0])
         if found is not None:
             trials, factor, stays = cast(int, found.trials), found.factor, found.full
-            scaled = torch.from_numpy(found.fraction * np.float32(trials)).to(intensity)[None, None]
+            scaled = torch.from_numpy(found.fraction * np.float32(trials))[None, None]
+            scaled = scaled.to(intensity.device)
             (probability,) = _values(probability_of(network, scaled, trials, trials_range)[0])
             matched = match_dark_regions(probability, found.fraction, trials, sensor.threshold)
             matched = matched / factor
@@ -258,7 +259,7 @@ def improve_coarse(
     if not few:
         return intensity
     squares = sensor_of_squares(sensor)
-    coarse = _values(estimate(torch.from_numpy(sum_squares(ones[few])).to(counts), squares))
+    coarse = _values(estimate(torch.from_numpy(sum_squares(ones[few])).to(counts.device), squares))
     for index, (each,) in zip(few, coarse, strict=True):
         fine[index, 0] = add_coarse(fine[index, 0], each, squares, squares.trials)
     return torch.from_numpy(fine).to(intensity)

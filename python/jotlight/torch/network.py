@@ -20,7 +20,7 @@ from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.data_checks import check_values, shape_advice
+from jotlight.torch.data_checks import as_floats, check_data
 from jotlight.torch.estimates import (
     equivalent_counts,
     improve_coarse,
@@ -148,6 +148,7 @@ class Network(nn.Module):
             When the data look like means in place of counts.
         """
         sensor = self._sensor_of(data, sensor)
+        data = as_floats(data)
         if self._trials_range is not None:
             found = self._estimate(data, sensor)
             # Training passes no errors through combined trials and squares.
@@ -249,21 +250,7 @@ class Network(nn.Module):
         sensor = choose_sensor(
             sensor, origin.default_sensor, origin.sensor, self._trials_range, tied=self._is_tied
         )
-        channels, side = 1 if self._is_tied else sensor.frames, self._pixel_side
-        bits = f"bits (N, {channels}, H·K̂, W·K̂) with K̂ = {side}"
-        kind = "counts (N, 1, H, W)" if self._is_tied else bits
-        if not isinstance(data, Tensor):
-            raise TypeError(
-                f"data: expected a tensor of {kind}, got {type(data).__name__}; "
-                "for an image of counts, write torch.from_numpy(counts)[None, None]"
-            )
-        is_batch = data.dim() == 4 and data.shape[1] == channels
-        if not is_batch or any(size % side or not size for size in data.shape[2:]):
-            hint = shape_advice("data", data) if self._is_tied else ""
-            raise ValueError(
-                f"data: expected {kind} and at least one pixel, got shape {tuple(data.shape)}{hint}"
-            )
-        check_values(data, sensor, is_bits=not self._is_tied)
+        check_data(data, sensor, self._pixel_side, is_bits=not self._is_tied)
         return sensor
 
     def _filter_all(

@@ -8,7 +8,7 @@ import jotlight._engine as engine
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import KERNELS, Sensor, require_any_sensor
-from jotlight.torch.data_checks import check_intensities, shape_advice, warn_about_levels
+from jotlight.torch.data_checks import as_floats, check_intensities, shape_advice, warn_about_levels
 from jotlight.torch.padding import mirror_pad
 from jotlight.torch.response import detection_probability, log_probabilities
 
@@ -171,11 +171,12 @@ class Sensing(nn.Module):
                 f"data: expected {self.output} of shape {expected}, as the layer returns for these "
                 f"intensities, got {tuple(data.shape)}{shape_advice('data', data)}"
             )
+        data = as_floats(data)
         highest = 1 if per_jot else self.sensor.trials
         if not bool(((data >= 0) & (data <= highest)).all()):
             raise ValueError(
-                f"data: expected {self.output} from 0 to {highest}, got {data.min()} to "
-                f"{data.max()}"
+                f"data: expected {self.output} from 0 to {highest}, got {data.min():g} to "
+                f"{data.max():g}"
             )
         ones, trials = data.to(rate.dtype), self.sensor.trials
         if per_jot:
