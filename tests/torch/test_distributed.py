@@ -14,7 +14,7 @@ import jotlight as jl
 
 torch = pytest.importorskip("torch")
 from jotlight.torch import fine_tune, fine_tuning, train  # noqa: E402
-from jotlight.torch.distributed import ProcessGroup, choose_device, rank  # noqa: E402
+from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, rank  # noqa: E402
 from servers import http_server  # noqa: E402
 from training_runs import end_after  # noqa: E402
 
@@ -77,6 +77,59 @@ def test_two_processes_train_the_network_that_one_process_trains(tmp_path, last)
         np.testing.assert_allclose(layer.filters, other.filters, atol=2e-3)
 
 
+RUNS = """
+import os, sys
+import numpy as np
+import torch
+import jotlight as jl
+from jotlight.torch import train
+
+if sys.argv[1] == "own":
+    torch.distributed.init_process_group("gloo")
+network = jl.Network.residual(jl.Sensor(frames=4), "small", rng=0)
+for seed in (3, 2**70, 5):
+    train(network, np.ones((2, 8, 8), np.float32), steps=1, batch=2, rng=seed, device="cpu")
+if sys.argv[1] == "own":
+    torch.distributed.barrier()
+    torch.distributed.destroy_process_group()
+assert not torch.distributed.is_initialized()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", ["own", "none"])
+def test_a_script_trains_several_times_also_in_its_own_group(tmp_path, group):
+    (tmp_path / "runs.py").write_text(RUNS, "utf-8")
+    launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
+    subprocess.run(
+        [*launcher, "--nproc-per-node", "2", tmp_path / "runs.py", group],
+        check=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": str(Path(jl.__file__).parents[1])},
+    )
+
+
+@pytest.mark.parametrize("seed", [2**63, 2**200])
+def test_seeds_may_be_large(seed):
+    network = jl.Network.residual(jl.Sensor(frames=8), "small", rng=0)
+    trained, _ = train(network, IMAGES, steps=1, batch=1, patch=8, rng=seed, device="cpu")
+    assert trained.history["run"]["seed"] == seed
+
+
+def test_a_group_of_the_script_is_used_and_stays(tmp_path, monkeypatch):
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    monkeypatch.setenv("RANK", "1")
+    store = torch.distributed.FileStore(str(tmp_path / "store"), 1)
+    torch.distributed.init_process_group("gloo", store=store, rank=0, world_size=1)
+    try:
+        for _ in range(2):
+            with process_group(torch.device("cpu")) as group:
+                assert (group.rank, group.world_size) == (rank(), 1) == (0, 1)
+            assert torch.distributed.is_initialized()
+    finally:
+        torch.distributed.destroy_process_group()
+
+
 def test_the_gradients_of_two_processes_add_up_to_that_of_one(monkeypatch):
     """The processes run one after the other here."""
     losses, gradients = [], []
@@ -91,7 +144,7 @@ def test_the_gradients_of_two_processes_add_up_to_that_of_one(monkeypatch):
             fine_tuning, "process_group", lambda _, group=group: contextlib.nullcontext(group)
         )
         monkeypatch.setattr(ProcessGroup, "broadcast", lambda *_: None)
-        monkeypatch.setattr(ProcessGroup, "shared_network", lambda _, network: network)
+        monkeypatch.setattr(ProcessGroup, "shared", lambda _, value: value)
         fine_tune(
             jl.Network.conditional("small", rng=0), BITS, steps=1, batch=5, patch=24, rng=3,
             threads=1, device="cpu",

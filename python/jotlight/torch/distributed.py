@@ -2,16 +2,23 @@
 
 import contextlib
 import dataclasses
+import functools
+import itertools
 import os
 import time
 from collections.abc import Iterator
+from typing import TypeVar
 
 import torch
 import torch.distributed
 from torch import Tensor
 
 from jotlight.checks import check_threads
-from jotlight.networks.network import Network
+
+Value = TypeVar("Value")
+
+_groups = itertools.count()
+"""Numbers of the groups that this process joins."""
 
 _SHUTDOWN_SECONDS = 0.2
 """Pause after the group is destroyed, for its threads to release their tensors."""
@@ -31,6 +38,8 @@ class ProcessGroup:
     """Number of this process, from 0."""
     world_size: int = 1
     """Number of processes."""
+    handle: "torch.distributed.ProcessGroup | None" = None
+    """PyTorch's group. None: its default one."""
 
     @property
     def is_main(self) -> bool:
@@ -45,32 +54,34 @@ class ProcessGroup:
     def all_reduce_sum(self, tensor: Tensor) -> None:
         """Replace the tensor by the sum of the tensors of all processes, in place."""
         if self.world_size > 1:
-            torch.distributed.all_reduce(tensor)
+            torch.distributed.all_reduce(tensor, group=self.handle)
 
     def broadcast(self, tensor: Tensor) -> None:
         """Replace the tensor by that of the main process, in place."""
         if self.world_size > 1:
-            torch.distributed.broadcast(tensor, 0)
+            torch.distributed.broadcast(tensor, 0, self.handle)
 
-    def shared_network(self, network: Network) -> Network:
-        """Return the main process's network: one that was drawn at random differs elsewhere."""
-        shared = [network]
+    def shared(self, value: Value) -> Value:
+        """Return the main process's value, such as a seed: one drawn at random differs elsewhere.
+
+        Examples
+        --------
+        >>> ProcessGroup().shared(2**70) == 2**70
+        True
+        """
+        values = [value]
         if self.world_size > 1:
-            torch.distributed.broadcast_object_list(shared, 0)
-        return shared[0]
-
-    def shared_seed(self, seed: int) -> int:
-        """Return the main process's seed: one that was drawn at random differs elsewhere."""
-        shared = torch.tensor(seed)
-        self.broadcast(shared)
-        return int(shared)
+            torch.distributed.broadcast_object_list(values, 0, self.handle)
+        return values[0]
 
 
 def rank() -> int:
     """Return the number of this process in its group; 0 without a launcher.
 
-    It is known before the group exists.
+    The launcher states it before the group exists.
     """
+    if _has_default_group():
+        return torch.distributed.get_rank()
     return int(os.environ.get("RANK", "0"))
 
 
@@ -110,25 +121,56 @@ def choose_device(device: str | torch.device | None) -> torch.device:
 
 @contextlib.contextmanager
 def process_group(device: torch.device) -> Iterator[ProcessGroup]:
-    """Return a context in which this process belongs to the launcher's group, if there is one.
+    """Return a context in which this process belongs to a group, if there are several processes.
+
+    The processes are those of PyTorch's default group, which stays as it is, or of the launcher.
 
     Parameters
     ----------
     device : torch.device
         Device of this process's network, which decides how gradients travel.
     """
-    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+    # Gradients are on the network's device, but seeds and flags are on the CPU.
+    backend = "cpu:gloo,cuda:nccl" if device.type == "cuda" else "gloo"
+    handle = None
+    if _has_default_group():
+        # The default group may have no backend for one of these devices.
+        handle = torch.distributed.new_group(backend=backend)
+    elif int(os.environ.get("WORLD_SIZE", "1")) > 1:
+        _join(backend)
+    else:
         yield ProcessGroup()
         return
-    # Gradients are on the network's device, but seeds and flags are on the CPU.
-    torch.distributed.init_process_group("cpu:gloo,cuda:nccl" if device.type == "cuda" else "gloo")
     try:
-        yield ProcessGroup(torch.distributed.get_rank(), torch.distributed.get_world_size())
+        size = torch.distributed.get_world_size()
+        yield ProcessGroup(torch.distributed.get_rank(), size, handle)
     finally:
-        torch.distributed.destroy_process_group()
+        torch.distributed.destroy_process_group(handle)
         # Threads of the group still release their last tensors, which takes the interpreter. The
         # process would abort if the interpreter were already shutting down.
         time.sleep(_SHUTDOWN_SECONDS)
+
+
+def _has_default_group() -> bool:
+    return torch.distributed.is_available() and torch.distributed.is_initialized()
+
+
+def _join(backend: str) -> None:
+    """Join the launcher's processes as PyTorch's default group."""
+    store, number, size = _rendezvous()
+    # The store keeps the addresses of earlier groups, so each group has keys of its own.
+    own = torch.distributed.PrefixStore(f"jotlight {next(_groups)}", store)
+    torch.distributed.init_process_group(backend, store=own, rank=number, world_size=size)
+
+
+@functools.cache
+def _rendezvous() -> "tuple[torch.distributed.Store, int, int]":
+    """Return the store of the launcher, the number of this process, and that of processes.
+
+    The process keeps the store, because other processes may still read from it.
+    """
+    found: tuple[torch.distributed.Store, int, int] = next(torch.distributed.rendezvous("env://"))
+    return found
 
 
 @contextlib.contextmanager

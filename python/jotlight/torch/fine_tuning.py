@@ -156,8 +156,8 @@ def fine_tune(
         thread_limit(threads),
         shown_steps(group.is_main and progress, steps, callback) as report,
     ):
-        network = group.shared_network(network)
-        seed = group.shared_seed(Checkpoint.choose_seed(rng, checkpoint, resume))
+        network = group.shared(network)
+        seed = group.shared(Checkpoint.choose_seed(rng, checkpoint, resume))
         settings: dict[str, object] = {
             "network": fingerprint_network(network),
             "sensor": sensor.scalars(),

@@ -168,7 +168,8 @@ def train(
     A thread draws the patches of the next step while a step is computed.
 
     Under PyTorch's launcher, ``torchrun --nproc-per-node 2 script.py``, the processes share the
-    patches of each step and add their gradients. All return the same network, and only the main
+    patches of each step and add their gradients. So do those of PyTorch's default group, if the
+    script initialized one; it stays. All return the same network, and only the main
     process writes files and calls `callback`.
 
     Examples
@@ -204,8 +205,8 @@ def train(
         shown_steps(group.is_main and progress, steps, callback) as report,
     ):
         _check_batch(batch, group.world_size)
-        network = group.shared_network(network)
-        seed = group.shared_seed(Checkpoint.choose_seed(rng, checkpoint, resume))
+        network = group.shared(network)
+        seed = group.shared(Checkpoint.choose_seed(rng, checkpoint, resume))
         loader = _loader_of(network)(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {
             **_settings(loader, tests, steps),
