@@ -1,5 +1,7 @@
 """The adapters for deepinv, and its solvers on our sensor."""
 
+import functools
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -95,6 +97,53 @@ def test_the_proximal_map_minimizes_its_objective(sensor):
                 cost, bounds=(1e-9, 1), method="bounded", options={"xatol": 1e-10}
             )
             assert cost(max(c, 1e-9)) <= best.fun + 1e-9
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"kernel": "cubic"}, {"mask": np.eye(48, dtype=bool)}, {"dark_counts": np.eye(48)}],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_the_proximal_map_of_counts_needs_jots_that_are_alike(changes):
+    physics, y = physics_and_data(jl.Sensor(frames=8, **changes))
+    point, fidelity = torch.full_like(y, 0.5), BitLikelihood()
+    for function in (fidelity.prox, fidelity.grad, fidelity):
+        with pytest.raises(ValueError, match="data: expected bits for a smooth kernel"):
+            function(point, y, physics)
+
+
+def test_the_proximal_map_and_the_estimate_take_whole_counts():
+    physics, y = physics_and_data(SENSOR)
+    point = torch.full_like(y, 0.5)
+    expected = BitLikelihood().prox(point, y, physics)
+    rounded = (y / 3 * 3).clamp(max=16)
+    assert torch.equal(BitLikelihood().prox(point, rounded - 1e-6 * (y > 0), physics), expected)
+    for function in (lambda y: BitLikelihood().prox(point, y, physics), physics.A_dagger):
+        with pytest.raises(ValueError, match=r"y: expected whole numbers, got 3\.7"):
+            function(torch.full_like(y, 3.7))
+    with pytest.raises(ValueError, match="data: expected counts from 0 to 16, got 30 to 30"):
+        BitLikelihood().prox(point, torch.full_like(y, 30.0), physics)
+
+
+def test_the_proximal_map_takes_one_image_of_counts_for_several_points():
+    physics, y = physics_and_data(SENSOR)
+    points = torch.stack([torch.full_like(y[0], 0.2), torch.full_like(y[0], 0.7)])
+    expected = [BitLikelihood().prox(point[None], y, physics, gamma=0.02) for point in points]
+    found = BitLikelihood().prox(points, y, physics, gamma=0.02)
+    assert torch.equal(found, torch.cat(expected))
+
+
+@pytest.mark.parametrize("output", ["counts", "bits"])
+def test_gradients_and_proximal_maps_exist_in_the_inference_mode(output):
+    physics, y = physics_and_data(SENSOR, output=output)
+    point = torch.full((1, 1, 48, 48), 0.5)
+    proximal = functools.partial(BitLikelihood().prox, max_iter_inter=2)
+    functions = BitLikelihood().grad, proximal
+    expected = [function(point, y, physics) for function in functions]
+    with torch.inference_mode():
+        found = [function(point.clone(), y.clone(), physics) for function in functions]
+    for each, other in zip(found, expected, strict=True):
+        assert torch.equal(each, other)
 
 
 def test_the_proximal_map_has_the_derivatives_of_finite_differences():

@@ -8,6 +8,7 @@ import os
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -27,6 +28,10 @@ try:
     from deepinv.physics import Physics
 except ImportError as error:
     raise MissingExtraError("the adapters for deepinv: pip install 'jotlight[deepinv]'") from error
+
+
+_ROUNDING = 1e-4
+"""Distance of whole numbers from integers, in floats that were computed."""
 
 
 class SensorPhysics(Physics):  # type: ignore[misc, unused-ignore]
@@ -87,13 +92,11 @@ class SensorPhysics(Physics):  # type: ignore[misc, unused-ignore]
         ValueError
             When y has another shape, or numbers that are not whole.
         """
-        values = y.detach().cpu().numpy()
-        data = np.rint(values).astype(np.int32)
-        is_bits = self.sensing.output == "bits"
-        if y.ndim != 4 or (not is_bits and y.shape[1] != 1) or not (data == values).all():
-            shape = "bits (N, T, H, W)" if is_bits else "whole counts (N, 1, H, W)"
-            raise ValueError(f"y: expected {shape}, got {y.dtype} of shape {tuple(y.shape)}")
-        if self.sensing.output == "bits":
+        data, is_bits = _whole_numbers(y), self.sensing.output == "bits"
+        if y.ndim != 4 or (not is_bits and y.shape[1] != 1):
+            shape = "bits (N, T, H, W)" if is_bits else "counts (N, 1, H, W)"
+            raise ValueError(f"y: expected {shape}, got shape {tuple(y.shape)}")
+        if is_bits:
             estimates = [mle(Bits.from_array(bits), self._box_sensor) for bits in data]
         else:
             estimates = [mle(counts[0], self._box_sensor) for counts in data]
@@ -131,7 +134,9 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
 
     def grad(self, x: Tensor, y: Tensor, physics: SensorPhysics, *_: Any, **__: Any) -> Tensor:
         """Return -∇ℓ(c), (N, 1, H, W)."""
-        with torch.enable_grad():
+        # Tensors of the inference mode have no gradients, but their copies do.
+        with torch.inference_mode(False), torch.enable_grad():
+            x, y = (each.clone() if each.is_inference() else each for each in (x, y))
             point = x if x.requires_grad else x.detach().requires_grad_()
             value = self.fn(point, y, physics).sum()
             (gradient,) = torch.autograd.grad(value, point, create_graph=x.requires_grad)
@@ -160,16 +165,24 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
             γ, above 0: one number.
         *args, **options
             Options of deepinv's gradient descent, for bits.
+
+        Raises
+        ------
+        ValueError
+            When y is not an output of the physics, or has counts that are not whole. For counts of
+            a sensor whose jots receive different light: their likelihood takes bits.
         """
         sensor = physics.sensing.sensor
         if physics.sensing.output == "bits":
             found: Tensor = super().prox(x, y, physics, *args, gamma=gamma, **options)
             return found.clamp(0, sensor.max_intensity)
+        physics.sensing.check_data(y, x)
+        x, y = torch.broadcast_tensors(x, y)
         # The variable of the engine is the light s = α c / K.
         scale = sensor.light_per_intensity
         penalty = 1 / (torch.as_tensor(gamma).detach().item() * scale**2)
         likelihood = Likelihood(
-            y.detach().cpu().numpy().astype(np.int64),
+            _whole_numbers(y),
             sensor.trials,
             threshold=sensor.threshold,
             efficiency=sensor.efficiency,
@@ -189,6 +202,19 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
         residual = c - x - gamma * scale * slope
         step = residual / (1 + gamma * scale**2 * curvature)
         return torch.where(is_inside, c - (step - step.detach()), c)
+
+
+def _whole_numbers(y: Tensor) -> npt.NDArray[np.int32]:
+    """Return counts or bits as integers, after a check."""
+    values = as_floats(y).detach().cpu().numpy()
+    whole = np.rint(values)
+    is_whole = abs(values - whole) <= _ROUNDING
+    if not is_whole.all():
+        raise ValueError(
+            f"y: expected whole numbers, got {values[~is_whole][0]:g}; pass counts or bits, such "
+            "as physics(x), in place of their expectation physics.A(x)"
+        )
+    return whole.astype(np.int32)
 
 
 class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]

@@ -7,13 +7,16 @@ import itertools
 import os
 import time
 from collections.abc import Iterator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 import torch.distributed
 from torch import Tensor
 
 from jotlight.checks import check_threads
+
+_c10d: Any = torch.distributed
+"""Names that the annotations of PyTorch lack."""
 
 Value = TypeVar("Value")
 
@@ -38,7 +41,7 @@ class ProcessGroup:
     """Number of this process, from 0."""
     world_size: int = 1
     """Number of processes."""
-    handle: "torch.distributed.ProcessGroup | None" = None
+    handle: Any = None
     """PyTorch's group. None: its default one."""
 
     @property
@@ -159,17 +162,17 @@ def _join(backend: str) -> None:
     """Join the launcher's processes as PyTorch's default group."""
     store, number, size = _rendezvous()
     # The store keeps the addresses of earlier groups, so each group has keys of its own.
-    own = torch.distributed.PrefixStore(f"jotlight {next(_groups)}", store)
+    own = _c10d.PrefixStore(f"jotlight {next(_groups)}", store)
     torch.distributed.init_process_group(backend, store=own, rank=number, world_size=size)
 
 
 @functools.cache
-def _rendezvous() -> "tuple[torch.distributed.Store, int, int]":
+def _rendezvous() -> tuple[Any, int, int]:
     """Return the store of the launcher, the number of this process, and that of processes.
 
     The process keeps the store, because other processes may still read from it.
     """
-    found: tuple[torch.distributed.Store, int, int] = next(torch.distributed.rendezvous("env://"))
+    found: tuple[Any, int, int] = next(_c10d.rendezvous("env://"))
     return found
 
 

@@ -153,8 +153,40 @@ class Sensing(nn.Module):
         Raises
         ------
         ValueError
+            As for :meth:`check_data`.
+        """
+        self.check_data(data, intensities)
+        per_jot = self.output == "bits"
+        rate = self._rate(intensities, per_jot=per_jot)
+        rate = rate + (_MIN_LIKELIHOOD_RATE - rate).clamp(min=0).detach()
+        ones, trials = data.to(rate.dtype), self.sensor.trials
+        if per_jot:
+            ones, trials = ones.sum(1, keepdim=True), self.sensor.frames
+        log_one, log_zero = log_probabilities(self.sensor.threshold, rate)
+        terms = ones * log_one + (trials - ones) * log_zero
+        return self._mask_dead_jots(terms).sum((1, 2, 3)).to(rate.dtype)
+
+    def check_data(self, data: Tensor, intensities: Tensor) -> None:
+        """Raise ValueError for data whose likelihood at given intensities is unknown.
+
+        Parameters
+        ----------
+        data, intensities : Tensor
+            As for :meth:`log_likelihood`.
+
+        Raises
+        ------
+        ValueError
             For counts of a sensor whose jots receive different light: their likelihood takes bits.
             For data whose shape or range is not that of an output of the layer.
+
+        Examples
+        --------
+        >>> cubic = Sensing(Sensor(oversampling=4, kernel="cubic"))
+        >>> cubic.check_data(torch.ones(1, 1, 2, 2), torch.ones(1, 1, 2, 2))
+        Traceback (most recent call last):
+        ...
+        ValueError: data: expected bits for a smooth kernel ... use Sensing(sensor, output="bits")
         """
         per_jot = self.output == "bits"
         if not (per_jot or self._has_uniform_pixels):
@@ -162,10 +194,12 @@ class Sensing(nn.Module):
                 "data: expected bits for a smooth kernel and for maps of the jots, since a count "
                 'does not say which jots reported 1; use Sensing(sensor, output="bits")'
             )
-        rate = self._rate(intensities, per_jot=per_jot)
-        rate = rate + (_MIN_LIKELIHOOD_RATE - rate).clamp(min=0).detach()
-        number = len(data) if data.dim() == 4 and len(rate) == 1 else len(rate)
-        expected = (number, self.sensor.frames if per_jot else 1, *rate.shape[2:])
+        _check_images(intensities)
+        number, _, *sizes = intensities.shape
+        number = len(data) if data.dim() == 4 and number == 1 else number
+        if per_jot:
+            sizes = [size * self.sensor.oversampling for size in sizes]
+        expected = (number, self.sensor.frames if per_jot else 1, *sizes)
         if tuple(data.shape) not in (expected, (1, *expected[1:])):
             raise ValueError(
                 f"data: expected {self.output} of shape {expected}, as the layer returns for these "
@@ -178,21 +212,10 @@ class Sensing(nn.Module):
                 f"data: expected {self.output} from 0 to {highest}, got {data.min():g} to "
                 f"{data.max():g}"
             )
-        ones, trials = data.to(rate.dtype), self.sensor.trials
-        if per_jot:
-            ones, trials = ones.sum(1, keepdim=True), self.sensor.frames
-        log_one, log_zero = log_probabilities(self.sensor.threshold, rate)
-        terms = ones * log_one + (trials - ones) * log_zero
-        return self._mask_dead_jots(terms).sum((1, 2, 3)).to(rate.dtype)
 
     def _rate(self, intensities: Tensor, *, per_jot: bool) -> Tensor:
         """Return the rate of each jot, or of each pixel if its jots are alike."""
-        check_intensities(intensities)
-        if intensities.dim() != 4 or intensities.shape[1] != 1:
-            raise ValueError(
-                f"intensities: expected shape (N, 1, H, W), got {tuple(intensities.shape)}"
-                f"{shape_advice('intensities', intensities)}"
-            )
+        _check_images(intensities)
         warn_about_levels(intensities, self.sensor.max_intensity)
         dtype = torch.promote_types(intensities.dtype, torch.float32)
         with torch.autocast(intensities.device.type, enabled=False):
@@ -239,6 +262,16 @@ class Sensing(nn.Module):
         if self._has_uniform_pixels:
             return values
         return functional.avg_pool2d(values, self.sensor.oversampling, divisor_override=1)
+
+
+def _check_images(intensities: Tensor) -> None:
+    """Raise TypeError or ValueError for anything but floats (N, 1, H, W)."""
+    check_intensities(intensities)
+    if intensities.dim() != 4 or intensities.shape[1] != 1:
+        raise ValueError(
+            f"intensities: expected shape (N, 1, H, W), got {tuple(intensities.shape)}"
+            f"{shape_advice('intensities', intensities)}"
+        )
 
 
 def _straight_through(sample: Tensor, mean: Tensor) -> Tensor:
