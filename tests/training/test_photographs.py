@@ -9,6 +9,7 @@ from PIL import Image
 from scipy.stats import binom
 from skimage.color import rgb2xyz
 
+import jotlight as jl
 from jotlight.training import PhotographPatches, read_photographs
 
 NUMBER = 1500
@@ -132,6 +133,25 @@ def test_the_white_of_files_of_16_bits_can_be_stated(tmp_path):
         read_photographs([tmp_path / "photograph.tif"])
     source = PhotographPatches.read([tmp_path / "photograph.tif"], white=1023, scaled=0.0)
     np.testing.assert_array_equal(source.photographs[0][0], np.rint(levels / 1023 * 255))
+
+
+@pytest.mark.parametrize("read", [PhotographPatches.read, read_photographs])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_photographs_that_are_not_finite_are_refused(tmp_path, read, value):
+    image = np.full((8, 8), 0.5, np.float32)
+    image[0, 0] = value
+    tifffile.imwrite(tmp_path / "photograph.tif", image)
+    with pytest.raises(ValueError, match=r"photograph\.tif: expected finite intensities, got NaN"):
+        read([tmp_path / "photograph.tif"])
+
+
+def test_photographs_that_become_white_are_reported(tmp_path):
+    bright = 16 * GRAY.astype(np.float32) / 255
+    tifffile.imwrite(tmp_path / "bright.tif", bright)
+    with pytest.warns(jl.JotlightWarning, match=r"bright\.tif: .* up to 16, and become white"):
+        read_photographs([tmp_path / "bright.tif"])
+    (levels,) = read_photographs([tmp_path / "bright.tif"], white=16)
+    np.testing.assert_array_equal(levels, GRAY)
 
 
 def test_patches_are_as_high_as_the_photograph_is_wide():

@@ -2,6 +2,7 @@ import io
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 from jotlight.images.sets import read_image_set
@@ -55,6 +56,17 @@ def test_bad_folders_and_photographs(folder):
         UrlPhotographs(url, color=2)
     with pytest.raises(ValueError, match="pass a smaller max_side"):
         UrlPhotographs(url, max_side=64).draw(np.random.default_rng(0), 8)
+
+
+def test_photographs_that_are_not_finite_are_refused():
+    file = io.BytesIO()
+    tifffile.imwrite(file, np.full((48, 48), np.nan, np.float32))
+    fs = fsspec.filesystem("memory")
+    fs.pipe("/nan/a.tif", file.getvalue())
+    source = UrlPhotographs("memory://nan", max_side=32)
+    with pytest.raises(ValueError, match=r"/nan/a\.tif: expected finite intensities, got"):
+        source.draw(np.random.default_rng(0), 16)
+    fs.rm("/nan", recursive=True)
 
 
 def test_image_sets_are_read_from_urls(folder):

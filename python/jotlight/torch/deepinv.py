@@ -207,7 +207,7 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
 def _whole_numbers(y: Tensor) -> npt.NDArray[np.int32]:
     """Return counts or bits as integers, after a check."""
     values = as_floats(y).detach().cpu().numpy()
-    whole = np.rint(values)
+    whole: npt.NDArray[np.floating] = np.rint(values)
     is_whole = abs(values - whole) <= _ROUNDING
     if not is_whole.all():
         raise ValueError(

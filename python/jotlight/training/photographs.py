@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.images.color import luma
 from jotlight.images.io import read_image
 from jotlight.progress import Progress, shown_progress
@@ -181,7 +182,12 @@ def read_photographs(
     TypeError
         For a single path in place of a list.
     OSError, ValueError
-        When a file cannot be read; the message names it.
+        When a file cannot be read, or has NaN or infinity; the message names it.
+
+    Warns
+    -----
+    JotlightWarning
+        When most pixels of a file are brighter than 1, and so become white.
 
     Examples
     --------
@@ -202,10 +208,31 @@ def read_photographs(
     photographs = []
     with shown_progress(progress, "reading photographs") as update:
         for number, path in enumerate(paths, 1):
-            image = read_image(path, white=white)
-            photographs.append(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
+            photographs.append(as_levels(read_image(path, white=white), os.fspath(path)))
             update(number / len(paths))
     return photographs
+
+
+def as_levels(image: npt.NDArray[np.floating], name: str) -> npt.NDArray[np.uint8]:
+    """Return the intensities of a file as 8-bit levels, after checks.
+
+    Examples
+    --------
+    >>> as_levels(np.array([[0.0, 0.2, 1.2]]), "photograph.tif")
+    array([[  0,  51, 255]], dtype=uint8)
+    """
+    if not np.isfinite(image).all():
+        raise ValueError(
+            f"{name}: expected finite intensities, got NaN or infinity; leave this file out, or "
+            "replace them"
+        )
+    if 2 * np.count_nonzero(image > 1) > image.size:
+        warn(
+            f"{name}: most intensities of a photograph should be at most 1, but most of them "
+            f"exceed it, up to {image.max():.4g}, and become white; state the value of intensity 1 "
+            "with white=, or divide the file by it"
+        )
+    return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
 
 
 def require_photographs(photographs: object) -> None:

@@ -7,14 +7,15 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from jotlight.formats.file_systems import explained, find_files, open_file_system
+from jotlight.images.io import read_image
 from jotlight.images.sets import ENDINGS
 from jotlight.training.photographs import (
     Means,
     PhotographPatches,
     Planes,
+    as_levels,
     mean_intensities,
     planes_of,
-    read_photographs,
 )
 
 _PHOTOGRAPHS = tuple(ending for ending in ENDINGS if ending != ".npy")
@@ -99,7 +100,7 @@ class UrlPhotographs(PhotographPatches):
             path = Path(folder, PurePosixPath(name).name)
             with explained(name):
                 path.write_bytes(self._fs.cat_file(name))
-            planes = planes_of(read_photographs([path])[0], index)
+            planes = planes_of(as_levels(read_image(path), name), index)
         if min(planes.shape[1:]) < self.max_side:
             raise ValueError(
                 f"{name}: expected photographs of at least {self.max_side} x {self.max_side} "
