@@ -149,3 +149,33 @@ def test_bright_sensors_take_bits():
     counts = torch.from_numpy(sensor.expose(IMAGE, rng=0).counts())[None, None]
     network = Network(jl.Network.conditional("small", rng=0))
     assert torch.equal(network(counts.bool(), sensor), network(counts, sensor))
+
+
+@pytest.mark.parametrize("mode", [torch.no_grad, torch.enable_grad])
+@pytest.mark.filterwarnings("ignore:`torch.jit.trace` is deprecated")
+def test_a_trace_is_refused(mode):
+    network = Network(jl.Network.conditional("small", rng=0))
+    with mode(), pytest.raises(RuntimeError, match=r"torch\.jit\.trace: .* torch\.compile"):
+        torch.jit.trace(lambda x: network(x, jl.Sensor(frames=8)), torch.ones(1, 1, 24, 24))
+
+
+def test_models_by_the_exporter_of_pytorch_do_not_depend_on_values(monkeypatch):
+    sensor = jl.Sensor(frames=64, gain=0.64)
+    network = Network(jl.Network.conditional("small", rng=0))
+    counts = torch.from_numpy(sensor.expose(IMAGE, rng=0).counts())[None, None]
+    expected = network(counts, sensor).detach()
+    monkeypatch.setattr(torch.onnx, "is_in_onnx_export", lambda: True)
+    with torch.no_grad():
+        torch.testing.assert_close(network(counts, sensor), expected)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.filterwarnings("ignore::torch.jit.TracerWarning", "ignore:Constant folding")
+def test_pytorch_exports_a_network_for_one_number_of_trials_to_onnx(tmp_path):
+    onnxruntime = pytest.importorskip("onnxruntime")
+    pytest.importorskip("onnx")
+    module = Network(jl.Network.initial(jl.Sensor(frames=8)))
+    counts, path = torch.full((1, 1, 8, 8), 5.0), str(tmp_path / "model.onnx")
+    torch.onnx.export(module, (counts,), path, dynamo=False, input_names=["counts"])
+    (found,) = onnxruntime.InferenceSession(path).run(None, {"counts": counts.numpy()})
+    torch.testing.assert_close(torch.from_numpy(found), module(counts).detach())

@@ -146,6 +146,15 @@ def test_a_state_dict_a_copy_and_a_pickle_hold_the_whole_module(make):
     assert torch.equal(estimate(copies[1], tensor), expected)
 
 
+def test_the_state_of_a_network_with_other_knots_is_refused():
+    module = Network(jl.Network.initial(SENSOR))
+    state = Network(jl.Network.initial(SENSOR, nu=0.2)).state_dict()
+    before = [parameter.clone() for parameter in module.parameters()]
+    with pytest.raises(ValueError, match="state_dict: expected splines with the knots of the mod"):
+        module.load_state_dict(state)
+    assert all(map(torch.equal, before, module.parameters()))
+
+
 @pytest.mark.parametrize("name", ["initial", "two layers, jots", "small", "random graph"])
 def test_gradients_agree_with_finite_differences(name):
     module = Network(NETWORKS[name]()).double()

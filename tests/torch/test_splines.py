@@ -254,6 +254,13 @@ def test_a_module_refuses_arguments_without_a_spline(arguments, message):
         Spline(*arguments)
 
 
+def test_the_state_of_a_module_with_other_knots_is_refused():
+    module = Spline(2)
+    module.load_state_dict(Spline(2).half().state_dict())
+    with pytest.raises(ValueError, match=r"got knots from -2 in steps of 0\.4 for layer 0; create"):
+        module.load_state_dict(Spline(2, low=-2.0, high=2.0).state_dict())
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore::torch.jit.TracerWarning")
 def test_pytorch_exports_a_module_with_splines_to_onnx(tmp_path):

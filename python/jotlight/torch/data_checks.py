@@ -99,6 +99,21 @@ def check_data(data: Tensor, sensor: Sensor, side: int, *, is_bits: bool) -> Non
     check_values(data, sensor, is_bits=is_bits)
 
 
+def refuse_tracing() -> None:
+    """Raise RuntimeError under torch.jit.trace: choices by values and sizes become constants.
+
+    The exporter of ONNX models also traces; it is not refused.
+    """
+    if torch.compiler.is_compiling() or not torch.jit.is_tracing():
+        return
+    if not torch.onnx.is_in_onnx_export():
+        raise RuntimeError(
+            "torch.jit.trace: expected a module without choices by the values of its data, got a "
+            "jotlight network; use torch.compile(network), or "
+            "network.to_network().export_onnx(path) for other programs"
+        )
+
+
 def as_floats(data: Tensor) -> Tensor:
     """Return counts, bits, or intensities of any number type as floats, at least float32.
 

@@ -53,6 +53,21 @@ def layer_specs(layers: Sequence[Layer]) -> list[LayerSpec]:
     return specs
 
 
+def knots_of(specs: Sequence[LayerSpec]) -> Tensor:
+    """Return the first knot and the distance between knots of each layer, (layers, 2).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> tap = np.ones((1, 1, 1, 1), np.float32)
+    >>> knots_of(layer_specs([Layer(tap, None)])).shape
+    torch.Size([1, 2])
+    """
+    return torch.tensor(
+        [(spec.start, spec.spacing) for spec in specs], dtype=torch.float64, device="cpu"
+    )
+
+
 def convolve(planes: Tensor, filters: Tensor, spec: LayerSpec, dtype: torch.dtype) -> Tensor:
     """Return D(h * u), equation (9) with a stride and the depth-to-space step."""
     padded = mirror_pad(planes, spec.row_padding, spec.column_padding)

@@ -20,7 +20,7 @@ from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.data_checks import as_floats, check_data
+from jotlight.torch.data_checks import as_floats, check_data, refuse_tracing
 from jotlight.torch.estimates import (
     equivalent_counts,
     improve_coarse,
@@ -30,9 +30,9 @@ from jotlight.torch.estimates import (
     is_bright,
     probability_of,
 )
-from jotlight.torch.filter_bank import convolve, correlate, layer_specs
+from jotlight.torch.filter_bank import convolve, correlate, knots_of, layer_specs
 from jotlight.torch.padding import mirror_pad
-from jotlight.torch.splines import spline
+from jotlight.torch.splines import check_knots, spline
 
 
 class Network(nn.Module):
@@ -118,12 +118,20 @@ class Network(nn.Module):
             raise AttributeError(f"{text}write module.to_network().{name}", name=name, obj=self)
         return super().__getattr__(name)
 
+    def get_extra_state(self) -> Tensor:
+        """Return the knots of all layers, which `state_dict` holds beside the parameters."""
+        return knots_of(self.layer_specs)
+
+    def set_extra_state(self, state: Tensor) -> None:
+        """Raise ValueError for a state of a network with other knots, in `load_state_dict`."""
+        check_knots(state, self.get_extra_state(), "the network whose state it is")
+
     def forward(self, data: Tensor, sensor: Sensor | None = None) -> Tensor:
         """Return intensities in [0, S], shape (N, 1, H, W), as the engine's network does.
 
         In dim scenes, the engine's network combines several trials into one, and sums the bits of
         squares of pixels. So does this one if no gradients are recorded, but not under
-        torch.compile.
+        torch.compile or torch.onnx.export.
 
         Parameters
         ----------
@@ -142,17 +150,23 @@ class Network(nn.Module):
             network. When counts are not from 0 to K, or bits not from 0 to 1. Data that need a
             gradient, and code under torch.compile, are not checked.
 
+        RuntimeError
+            Under torch.jit.trace.
+
         Warns
         -----
         JotlightWarning
             When the data look like means in place of counts.
         """
+        refuse_tracing()
         sensor = self._sensor_of(data, sensor)
         data = as_floats(data)
         if self._trials_range is not None:
             found = self._estimate(data, sensor)
-            # Training passes no errors through combined trials and squares.
-            if torch.is_grad_enabled() or torch.compiler.is_compiling():
+            # Training passes no errors through combined trials and squares. A graph must not depend
+            # on the values of the data.
+            is_graph = torch.compiler.is_compiling() or torch.onnx.is_in_onnx_export()
+            if torch.is_grad_enabled() or is_graph:
                 return found
             found = improve_dim(self.run_layers, found, data, sensor, self._trials_range)
             return improve_coarse(self.forward, found, data, sensor)

@@ -81,6 +81,35 @@ def _check(z: Tensor, coefficients: Tensor, spacing: float) -> None:
         raise ValueError(f"spacing: expected a distance above 0, got {spacing}")
 
 
+def check_knots(state: Tensor, own: Tensor, source: str) -> None:
+    """Raise ValueError for a state whose splines have other knots than a module.
+
+    Parameters
+    ----------
+    state, own : Tensor, shape (L, 2)
+        First knot and distance between knots of each layer: those of the state and of the module.
+    source : str
+        What to create the module from instead.
+
+    Examples
+    --------
+    >>> check_knots(torch.tensor([[0.0, 1.0]]), torch.tensor([[0.0, 2.0]]), "the same knots")
+    Traceback (most recent call last):
+    ...
+    ValueError: state_dict: expected splines with the knots of the module, got knots from 0 ...
+    """
+    if state.shape == own.shape and torch.equal(state.to(own), own):
+        return
+    index = 0
+    if state.shape == own.shape:
+        index = int((state.to(own) != own).any(1).nonzero()[0])
+    start, spacing = state[index].tolist()
+    raise ValueError(
+        f"state_dict: expected splines with the knots of the module, got knots from {start:g} in "
+        f"steps of {spacing:g} for layer {index}; create the module from {source}"
+    )
+
+
 def spline_reference(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
     """Return what :func:`spline` returns, by PyTorch operations alone, on any device.
 
@@ -244,6 +273,14 @@ class Spline(nn.Module):
         centers = low + self.spacing * (torch.arange(coefficients) - 1)
         # A cubic B-spline whose coefficients lie on a line is that line.
         self.coefficients = nn.Parameter(centers.clamp(min=0).repeat(channels, 1))
+
+    def get_extra_state(self) -> Tensor:
+        """Return the knots, which `state_dict` holds beside the coefficients."""
+        return torch.tensor([[self.start, self.spacing]], dtype=torch.float64, device="cpu")
+
+    def set_extra_state(self, state: Tensor) -> None:
+        """Raise ValueError for a state of a spline with other knots, in `load_state_dict`."""
+        check_knots(state, self.get_extra_state(), "the same low and high")
 
     def forward(self, z: Tensor) -> Tensor:
         """Return φ(z), shape (N, C, ...)."""
