@@ -301,3 +301,13 @@ def test_the_reconstructor_takes_modules_and_refuses_other_physics():
     assert model.module is module
     with pytest.raises(TypeError, match=r"expected SensorPhysics\(sensor\), got Denoising"):
         model(torch.ones((1, 1, 8, 8)), deepinv.physics.Denoising())
+
+
+def test_the_denoiser_takes_modules_and_files(tmp_path):
+    network = jl.Network.conditional("small", rng=0)
+    network.save(tmp_path / "network.safetensors")
+    module = jl.torch.Network(network)
+    assert NetworkDenoiser(module).module is module
+    expected = NetworkDenoiser(network)(torch.full((1, 1, 8, 8), 0.5), 0.1)
+    found = NetworkDenoiser(tmp_path / "network.safetensors")(torch.full((1, 1, 8, 8), 0.5), 0.1)
+    assert torch.equal(found, expected)

@@ -1,5 +1,7 @@
 """Training with PyTorch on images."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ import jotlight as jl
 
 torch = pytest.importorskip("torch")
 from jotlight.tensors import read_tensors  # noqa: E402
-from jotlight.torch import Network, fastest_precision, train, trainer  # noqa: E402
+from jotlight.torch import Network, fastest_precision, fine_tune, train, trainer  # noqa: E402
 from jotlight.torch.muon import MIN_CHANNELS  # noqa: E402
 from jotlight.torch.trainer import flatten  # noqa: E402
 from jotlight.training import ColorPatches, parameter_vector  # noqa: E402
@@ -304,3 +306,22 @@ def test_settings_that_do_not_fit_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         train_small(**options)
     assert torch.get_num_threads() == before
+
+
+@pytest.mark.parametrize("mode", [torch.no_grad, torch.inference_mode])
+def test_networks_are_trained_where_no_gradients_are_recorded(mode):
+    start, bits = jl.Network.conditional("small", rng=0), SENSOR.expose(np.full((24, 24), 0.4))
+    with mode():
+        train(start, np.full((2, 24, 24), 0.4), SENSOR, steps=1, batch=1, rng=0, device="cpu")
+        fine_tune(start, bits, steps=1, batch=1, rng=0, device="cpu")
+
+
+def test_networks_without_trainable_parameters_are_refused():
+    start, bits = jl.Network.conditional("small", rng=0), SENSOR.expose(np.full((24, 24), 0.4))
+    layers = [dataclasses.replace(layer, trainable="nothing") for layer in start.layers]
+    fixed = jl.Network(layers, start.sensor, trials_range=start.trials_range)
+    message = 'network: expected trainable parameters, got layers with trainable="nothing" only'
+    with pytest.raises(ValueError, match=message):
+        train(fixed, np.full((2, 24, 24), 0.4), SENSOR, steps=1, device="cpu")
+    with pytest.raises(ValueError, match=message):
+        fine_tune(fixed, bits, steps=1, device="cpu")

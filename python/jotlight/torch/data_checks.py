@@ -104,7 +104,8 @@ def refuse_tracing() -> None:
 
     The exporter of ONNX models also traces; it is not refused.
     """
-    if torch.compiler.is_compiling() or not torch.jit.is_tracing():
+    is_tracing = torch.jit.is_tracing  # type: ignore[attr-defined, unused-ignore]
+    if torch.compiler.is_compiling() or not is_tracing():
         return
     if not torch.onnx.is_in_onnx_export():
         raise RuntimeError(

@@ -269,8 +269,9 @@ class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]
 
     Parameters
     ----------
-    network : Network
-        A K-conditioned network. A σ outside of its range of K becomes the nearest one inside.
+    network : jotlight.Network, jotlight.torch.Network, or path
+        A K-conditioned network. A σ outside of its range of K becomes the nearest one inside. The
+        parameters of a module are shared.
 
     Raises
     ------
@@ -284,12 +285,13 @@ class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]
     torch.Size([2, 1, 20, 30])
     """
 
-    def __init__(self, network: Network) -> None:
-        if network.trials_range is None:
-            raise ValueError(f"network: expected a K-conditioned network, got {network!r}")
+    def __init__(self, network: Network | TorchNetwork | str | os.PathLike[str]) -> None:
         super().__init__()
-        self.module = TorchNetwork(network)
-        self.trials_range = network.trials_range
+        self.module = network if isinstance(network, TorchNetwork) else TorchNetwork(network)
+        origin = self.module.origin
+        if origin.trials_range is None:
+            raise ValueError(f"network: expected a K-conditioned network, got {origin!r}")
+        self.trials_range = origin.trials_range
 
     def forward(self, x: Tensor, sigma: float | Tensor, **_: Any) -> Tensor:
         """Return denoised images.

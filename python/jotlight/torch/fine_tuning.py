@@ -28,7 +28,7 @@ from jotlight.sensing.sensor import Sensor, require_trainable
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
-from jotlight.torch.trainer import Trainer
+from jotlight.torch.trainer import Trainer, recorded_gradients
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.images import fingerprint_images
@@ -152,6 +152,7 @@ def fine_tune(
     learning_rate = positive_number("learning_rate", learning_rate)
     side = _patch_side(channels, patch)
     with (
+        recorded_gradients(),
         process_group(chosen_device) as group,
         thread_limit(threads),
         shown_steps(group.is_main and progress, steps, callback) as report,

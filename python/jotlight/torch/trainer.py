@@ -1,9 +1,10 @@
 """The training loop: steps of an optimizer, their records, and checkpoints."""
 
+import contextlib
 import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
@@ -64,6 +65,11 @@ class Trainer:
         self.module, self.settings = module, settings
         self.learning_rate, self.group = learning_rate, group
         self.parameters = [p for p in module.parameters() if p.requires_grad]
+        if not self.parameters:
+            raise ValueError(
+                'network: expected trainable parameters, got layers with trainable="nothing" only; '
+                'set trainable="all" of some, as by dataclasses.replace(layer, trainable="all")'
+            )
         self.optimizer = OPTIMIZERS[optimizer](self.parameters, lr=learning_rate)
         self.history = History()
         # True while parameters and records do not match; an interrupt may come in between.
@@ -248,6 +254,20 @@ class Trainer:
         sizes = [p.numel() for p in self.parameters]
         parts = torch.from_numpy(vector).split(sizes)
         return [part.to(p).view_as(p) for part, p in zip(parts, self.parameters, strict=True)]
+
+
+@contextlib.contextmanager
+def recorded_gradients() -> Iterator[None]:
+    """Return a context that records gradients, also in torch.no_grad and torch.inference_mode.
+
+    Examples
+    --------
+    >>> with torch.no_grad(), recorded_gradients():
+    ...     torch.is_grad_enabled()
+    True
+    """
+    with torch.inference_mode(False), torch.enable_grad():
+        yield
 
 
 def _schedule(progress: float) -> float:

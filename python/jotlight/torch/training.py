@@ -28,6 +28,7 @@ from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.planes_network import PlanesNetwork as TorchPlanesNetwork
 from jotlight.torch.precision import filter_dtype_of
+from jotlight.torch.trainer import recorded_gradients
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import Images, TrainingImages, check_images, fingerprint_images
@@ -201,6 +202,7 @@ def train(
     side = _patch_side(source, patch)
     tests = _test_images(test, network)
     with (
+        recorded_gradients(),
         process_group(chosen_device) as group,
         shown_steps(group.is_main and progress, steps, callback) as report,
     ):

@@ -232,7 +232,8 @@ def as_levels(image: npt.NDArray[np.floating], name: str) -> npt.NDArray[np.uint
             f"exceed it, up to {image.max():.4g}, and become white; state the value of intensity 1 "
             "with white=, or divide the file by it"
         )
-    return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+    levels: npt.NDArray[np.floating] = np.rint(np.clip(image, 0, 1) * 255)
+    return levels.astype(np.uint8)
 
 
 def require_photographs(photographs: object) -> None:
