@@ -170,7 +170,7 @@ def test_an_unsupported_sensor_gets_the_reason(run, photo_folder):
             "expected one of --method, --quality, --model, got --method mle and --model model",
         ),
         (["photos", "--model", MODEL, "-k", 5], "it is for Sensor(oversampling=3, frames=2)"),
-        (["photos", "--model", MODEL, "-q", 2], "threshold=2); --quality is for this sensor"),
+        (["photos", "--model", MODEL, "-q", 2], "threshold=2); for this sensor, use --quality"),
         (["photos", "-m", "mle", "--first", 0], "first: expected at least 1"),
         (["photos", "-m", "mle", "--key", "a"], "key: names an array in a .npz"),
         (["photos", "-m", "mle", "-o", "scores.txt"], "ends in .csv"),

@@ -83,8 +83,8 @@ def refuse_rotations(rotations: int, name: str) -> None:
     """Raise ValueError for something that runs a network in one rotation only."""
     if rotations != 1:
         raise ValueError(
-            f"{name}: expected a network that does not average over rotations, got rotations = "
-            f"{rotations}; use the quality 'large' in place of 'extra-large'"
+            f"network: expected one that does not average over rotations, since {name} run it in "
+            f"one, got rotations = {rotations}; use the quality 'large' in place of 'extra-large'"
         )
 
 

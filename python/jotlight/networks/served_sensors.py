@@ -46,7 +46,7 @@ def check_served(
         raise ValueError(
             "sensor: the network needs data with its own trials per pixel, threshold, "
             f"efficiency * gain / bits and max_intensity: it is for {own!r}, got {sensor!r}; "
-            "jotlight.pretrained(sensor) (--quality) is for this sensor"
+            "for this sensor, use jotlight.pretrained(sensor) (--quality)"
         )
 
 

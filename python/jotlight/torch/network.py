@@ -78,7 +78,7 @@ class Network(nn.Module):
         kinds = EngineNetwork | ColorNetwork | FilmNetwork
         call = "jotlight.torch.Network(jotlight.pretrained(sensor))"
         require_network("source", network, kinds, call)
-        refuse_rotations(network.rotations, "jotlight.torch.Network")
+        refuse_rotations(network.rotations, "PyTorch modules")
         self.origin = network
         self.filter_dtype = torch.float32
         """Data type of the products in filter banks, for training."""
