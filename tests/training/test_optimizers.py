@@ -133,6 +133,12 @@ def test_a_diverging_run_is_stopped():
         jl.train(SMALL, scenes, steps=40, batch=16, rng=3, optimizer=ProjectedGradient(1e3))
 
 
+def test_a_short_run_with_a_much_worse_result_is_reported():
+    message = "the result is much worse than the network at the start: .*: lower its learning_rate"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        jl.train(SMALL, scenes, steps=2, batch=16, rng=3, optimizer=ProjectedGradient(1e3))
+
+
 @dataclass(frozen=True)
 class Wrong:
     """A user-defined optimizer."""

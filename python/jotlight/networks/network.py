@@ -104,9 +104,9 @@ class Network(EngineBacked, TorchHints):
     ) -> Self:
         """Return the paper's two-layer network at its initial parameters (section 3.2).
 
-        The network equals the non-iterative method with a Gaussian denoiser and the algebraic
-        inverse: h1 = 1 (20), φ1 = T (6), h2 a Gaussian, and φ2 = (K/α)(P⁻¹(q, T⁻¹(z)/K) - d)/η
-        clipped to [0, S].
+        The network is the non-iterative method with a Gaussian denoiser and the algebraic inverse,
+        up to the fit of its splines, which is coarser for larger q: h1 = 1 (20), φ1 = T (6), h2 a
+        Gaussian, and φ2 = (K/α)(P⁻¹(q, T⁻¹(z)/K) - d)/η clipped to [0, S].
 
         Parameters
         ----------

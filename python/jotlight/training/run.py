@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.errors import warn
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet
@@ -169,11 +170,25 @@ class Run:
             )
 
     def finish(
-        self, state: Checkpoint, sensor: Sensor, report: StepReport
+        self, start: Vector, state: Checkpoint, sensor: Sensor, report: StepReport
     ) -> tuple[Network, History]:
-        """Return the trained network for a sensor, and the history with a record of the result."""
+        """Return the trained network for a sensor, and the history with a record of the result.
+
+        Warns
+        -----
+        JotlightWarning
+            When the result is much worse than the parameters `start`.
+        """
         taken = len(state.history)
-        loss, gradient = self._cost(taken).gradient(state.vector)
+        cost = self._cost(taken)
+        loss, gradient = cost.gradient(state.vector)
+        at_start = cost.value(start)
+        if loss > _DIVERGED * at_start:
+            warn(
+                "the result is much worse than the network at the start: its cost is "
+                f"{loss:.4g}, and {at_start:.4g} at the start, on the same patches; optimizer "
+                f"{self.optimizer}: {self.optimizer.advice}, or pass more steps= (--steps)"
+            )
         psnr = self._test_psnr(state.vector)
         record = Record(taken, loss, float(np.linalg.norm(gradient)), psnr)
         report(record)

@@ -116,6 +116,11 @@ def train(
     FloatingPointError
         When the cost is not finite or has grown over many steps; the message says what to change.
 
+    Warns
+    -----
+    JotlightWarning
+        When the result is much worse than the start, or when images look like gray levels.
+
     Notes
     -----
     The cost leaves out pixels whose estimate depends on pixels outside the patch. At the border of
@@ -158,4 +163,4 @@ def train(
     state = run.begin(start, checkpoint, resume)
     with shown_steps(progress, steps, callback) as report:
         state = run.take_steps(start, state, checkpoint, resume, seconds, report)
-        return run.finish(state, sensor, report)
+        return run.finish(start, state, sensor, report)
