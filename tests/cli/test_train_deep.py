@@ -77,12 +77,16 @@ def test_the_optimizer_and_the_precision_are_those_of_python(run, photo_folder):
 def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_path):
     arguments = [*SMALL, "--bits-per-pixel", "2:64", "--learning-rate", 1e-3]
     arguments += ["--test", photo_folder, "--plot", "run.png"]
-    assert run("train", photo_folder, "-o", NETWORK, *arguments)[0] == 0
+    status, output = run("train", photo_folder, "-o", NETWORK, *arguments)
+    assert status == 0
+    assert "are for --test only" not in output
     network = jl.Network.load(NETWORK)
     assert network.trials_range == (2, 64)
     assert (tmp_path / "run.png").stat().st_size > 10_000
     arguments = ["--start", NETWORK, *SMALL[2:], "--frames", 4, "--learning-rate", 1e-3]
-    assert run("train", photo_folder, "-o", "more.safetensors", *arguments)[0] == 0
+    status, output = run("train", photo_folder, "-o", "more.safetensors", *arguments)
+    assert status == 0
+    assert "serves every sensor: options of a sensor are for --test only" in output
     more = jl.Network.load("more.safetensors")
     assert more.trials_range == (2, 64)
     assert (parameter_vector(more) != parameter_vector(network)).any()

@@ -11,7 +11,7 @@ import jotlight.plots as plots
 from jotlight.cli.capture_options import TargetCaptureOptions
 from jotlight.cli.captured import check_outputs_of
 from jotlight.cli.common_options import CAPTURE_PANEL, TRAINING_PANEL, convert_file
-from jotlight.cli.console import report, silenced
+from jotlight.cli.console import caution, report, silenced
 from jotlight.cli.learners import (
     Learner,
     deep_learner,
@@ -105,7 +105,7 @@ def train(
     Several processes can train a deep network: torchrun --nproc-per-node 2 -m jotlight train
     """
     _check_options(images, training, network, target, capture, sensor)
-    jots = _jots(network, sensor)
+    kwargs = {**sensor.to_kwargs(), **_jots(network, sensor)}
     _check_outputs(images, training, data, target, sensor)
     start = None if training.start is None else Network.load(training.start)
     learner = _learner(training, network, start)
@@ -118,7 +118,7 @@ def train(
         if target is not None:
             exposed, scale = read_training_sensor(target, capture, sensor, training.threads)
         else:
-            exposed = _exposed_sensor(start, network, {**sensor.to_kwargs(), **jots})
+            exposed = _exposed_sensor(start, network, kwargs)
         if start is None:
             start = _initial_network(exposed, network, training.seed)
         kind = describe_kind(start, network.quality)
@@ -156,6 +156,8 @@ def train(
     )
     report_training(f"{kind}, {_describe(history, taken, steps)}", training)
     report(f"Reconstruct with it: jotlight reconstruct CAPTURE --model {training.output} -o a.png")
+    if start.trials_range is not None and kwargs and data.test is None:
+        caution("note", "this network serves every sensor: options of a sensor are for --test only")
     _hint(start)
 
 
