@@ -109,7 +109,10 @@ def test_extra_large_is_large_with_four_rotations():
 
 
 def test_onnx_models_have_one_rotation(tmp_path):
-    with pytest.raises(ValueError, match=r"network: expected .* since ONNX models run it .* rotations = 4; use .* 'large'"):
+    with pytest.raises(
+        ValueError,
+        match=r"network: expected .* since ONNX models run it .* rotations = 4; use .* 'large'",
+    ):
         with_rotations(SMALL, 4).export_onnx(tmp_path / "model.onnx")
 
 
