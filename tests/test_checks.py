@@ -139,6 +139,35 @@ def test_rows_of_different_lengths_are_named(values, found):
         to_array("x", values)
 
 
+def test_numbers_that_numpy_does_not_know_are_refused():
+    torch = pytest.importorskip("torch")
+    with pytest.raises(TypeError, match=r"^image: .* got bfloat16; pass tensor\.float\(\)"):
+        jl.Sensor().expose(torch.ones(4, 4, dtype=torch.bfloat16))
+
+
+class Table:
+    """A table of pandas whose columns may lack values: NumPy gets objects."""
+
+    def __array__(self, dtype=None, copy=None):
+        return np.ones((4, 4), object)
+
+    def to_numpy(self, dtype):
+        return np.ones((4, 4), dtype)
+
+
+@pytest.mark.parametrize(
+    ("values", "advice"),
+    [
+        (Table(), r"got Table; pass x\.to_numpy\(int\)"),
+        (np.ones((4, 4), object), r"x\.astype\(int\)"),
+    ],
+    ids=["table", "array"],
+)
+def test_whole_numbers_as_objects_have_advice(values, advice):
+    with pytest.raises(TypeError, match=advice):
+        jl.mle(values, jl.Sensor(frames=4))
+
+
 def test_an_array_stays_itself():
     array = np.ones((2, 3))
     assert to_array("x", array) is array

@@ -64,7 +64,7 @@ def test_the_longest_chain_of_units_is_short(imports):
                 "slices",
             },
         ),
-        ("simulate", {"intensity_scale", "output_images", "sensor_like"}),
+        ("simulate", {"intensity_scale", "output_images", "sensor_like", "slices"}),
         ("response", set()),
     ],
 )

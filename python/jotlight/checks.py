@@ -287,10 +287,16 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     """
     counts = to_array("counts", data)
     if counts.dtype.kind not in "iu" and counts.size:  # an empty list has the type of floats
+        advice = (
+            "pass frames of bool to jotlight.Bits.from_array(frames, sensor), and cast rounded "
+            "floats with astype(int)"
+        )
+        if counts.dtype == object and counts.ndim >= 2:
+            convert = "to_numpy(int)" if hasattr(data, "to_numpy") else "astype(int)"
+            advice = f"pass x.{convert} of whole numbers x that are stored as objects"
         raise TypeError(
             f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
-            f"{type_of(data, counts)}; pass frames of bool to jotlight.Bits.from_array(frames, "
-            "sensor), and cast rounded floats with astype(int)"
+            f"{type_of(data, counts)}; {advice}"
         )
     if counts.ndim < 2 or counts.size == 0:
         raise ValueError(
@@ -301,20 +307,6 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     if counts.min() < 0 or (counts.dtype != np.int32 and counts.max() >= 2**31):
         raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")
     return np.require(counts, np.int32, ["C", "ALIGNED"])
-
-
-def require_slice(name: str, value: object) -> None:
-    """Raise TypeError unless a value is a slice.
-
-    Examples
-    --------
-    >>> require_slice("frames", 3)
-    Traceback (most recent call last):
-      ...
-    TypeError: frames: expected a slice, such as slice(0, 16), got 3
-    """
-    if not isinstance(value, slice):
-        raise TypeError(f"{name}: expected a slice, such as slice(0, 16), got {shown(value)}")
 
 
 def to_array(name: str, values: Any) -> npt.NDArray[Any]:
@@ -328,6 +320,11 @@ def to_array(name: str, values: Any) -> npt.NDArray[Any]:
     refuse_masked(name, values)
     try:
         return np.asarray(values)
+    except TypeError as error:
+        if "BFloat16" not in str(error):
+            raise
+        text = f"{name}: expected numbers that NumPy knows, got bfloat16; pass tensor.float()"
+        raise TypeError(text) from error
     except ValueError as error:
         lengths = _different_lengths(values)
         if lengths is None:

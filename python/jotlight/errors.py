@@ -30,7 +30,8 @@ class JotlightWarning(UserWarning):
 class PeriodicRatesWarning(JotlightWarning):
     """A warning about rates of jots that repeat, as under a color filter mosaic.
 
-    Data are tested unless :meth:`jotlight.Sensor.expose` simulated them. If the sensor is gray:
+    It is also that about data of a sensor with a mosaic that the caller takes for a gray one. Other
+    data are tested unless :meth:`jotlight.Sensor.expose` simulated them. If the sensor is gray:
 
     >>> warnings.filterwarnings("ignore", category=PeriodicRatesWarning)
     """
@@ -141,7 +142,7 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {plural(number, noun)}"
 
 
-def plural(number: int, noun: str) -> str:
+def plural(number: float, noun: str) -> str:
     """Return the noun of a number that is written in another way, such as "1,000".
 
     Examples

@@ -2,8 +2,9 @@
 
 import functools
 import inspect
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from difflib import get_close_matches
+from types import MappingProxyType
 from typing import ParamSpec, TypeVar
 
 T = TypeVar("T")
@@ -33,15 +34,22 @@ def nearest_names(name: str, known: Iterable[str]) -> list[str]:
     return [by_lower[each] for each in (found or get_close_matches(lower, by_lower, 1))[:3]]
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(
+    name: str, known: Iterable[str], synonyms: Mapping[str, str] = MappingProxyType({})
+) -> str:
     """Return a question that proposes the nearest known names, or an empty text.
+
+    A synonym in lower case has its meaning, which may be a longer text.
 
     Examples
     --------
     >>> did_you_mean("gains", ["gain", "frames"]), did_you_mean("x", ["gain", "frames"])
     ('; did you mean gain?', '')
+    >>> did_you_mean("T", ["gain", "frames"], {"t": "frames"})
+    '; did you mean frames?'
     """
-    close = nearest_names(name, known)
+    meaning = synonyms.get(name.lower())
+    close = nearest_names(name, known) if meaning is None else [meaning]
     return f"; did you mean {' or '.join(close)}?" if close else ""
 
 
@@ -74,8 +82,12 @@ def check_choice(name: str, value: object, choices: Collection[str], alternative
     )
 
 
-def require_names(example: str) -> Callable[[type[T]], type[T]]:
+def require_names(
+    example: str, synonyms: Mapping[str, str] = MappingProxyType({})
+) -> Callable[[type[T]], type[T]]:
     """Return a decorator of classes whose calls must name the parameters, as in `example`.
+
+    `synonyms` are other names of the parameters, for the hint of an error.
 
     Examples
     --------
@@ -98,7 +110,7 @@ def require_names(example: str) -> Callable[[type[T]], type[T]]:
             if unnamed:
                 text = f"parameters with names as in {example}, got {unnamed[0]!r}"
             elif unknown := sorted(set(parameters) - set(known)):
-                advice = did_you_mean(unknown[0], known)
+                advice = did_you_mean(unknown[0], known, synonyms)
                 text = f"some of {', '.join(known)}, got {', '.join(unknown)}{advice}"
             if text:
                 raise TypeError(f"{cls.__name__}: expected {text}")

@@ -56,11 +56,13 @@ def test_a_requested_network_runs_and_warns_when_the_scene_is_too_bright(run, tm
     np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 
+@pytest.mark.filterwarnings("always:.*brighter than the largest intensity")
 def test_the_range_of_a_known_sensor_is_used(run):
     jl.save(jl.Sensor(frames=16).expose(5 * PHOTO, rng=0), "known.npy")
     status, output = run("reconstruct", "known.npy", "-o", "out.npy")
     assert status == 0
     assert "by network, medium in" in output
+    assert output.count("of the scene is brighter than the largest intensity, 1, which") == 1
     assert np.load("out.npy").max() <= 1
 
 

@@ -62,6 +62,7 @@ def test_a_film_has_the_estimate_of_each_window(run, capture, tmp_path, method):
         )
 
 
+@pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 def test_images_of_counts_are_filmed(run, capture, tmp_path):
     counts = capture.to_array().reshape(10, 4, 24, 30).sum(axis=1).astype(np.uint16)
     np.save("counts.npy", counts)

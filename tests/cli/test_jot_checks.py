@@ -106,6 +106,19 @@ def test_too_few_frames_to_find_hot_jots_are_reported(run, tmp_path):
     assert "16 frames are too few to find most hot jots" in " ".join(output.split())
 
 
+@pytest.mark.filterwarnings("always")
+@pytest.mark.parametrize("command", [("reconstruct",), ("film", "--window", "5")], ids=" ".join)
+def test_a_removed_mosaic_is_reported_once(run, tmp_path, command):
+    colors = np.stack([IMAGE, 0.6 * IMAGE, 0.3 * IMAGE], axis=-1)
+    jl.save(jl.Sensor(frames=20, mosaic="RGGB").expose(colors, rng=0), tmp_path / "colors.npy")
+    options = ("--mosaic", "none", "-m", "mle", "-o", "b.npy")
+    status, output = run(command[0], "colors.npy", *command[1:], *options)
+    assert status == 0, output
+    text = " ".join(output.split())
+    assert text.count("but no mosaic is used instead; leave out --mosaic unless") == 1
+    assert "the rates repeat" not in text
+
+
 def test_hot_jots_under_a_mosaic_are_not_searched(run, bayer):
     status, output = run("reconstruct", "bayer.npy", "--find-hot-jots", "-o", "a.npy")
     assert status == 1

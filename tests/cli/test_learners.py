@@ -81,7 +81,7 @@ def test_info_describes_a_deep_network(run, networks):
 
 def test_info_describes_a_conditional_network(run, networks):
     lines = lines_of(run, "info", "conditional.safetensors")
-    assert "sensor any of 1 trials per pixel or more, box kernel; trained for 1 to 64" in lines
+    assert "sensor any of 1 trial per pixel or more, box kernel; trained for 1 to 64" in lines
     assert "1 6 x 1 x 1 x 11 x 11 1 x 150 0 to 1" in lines
 
 

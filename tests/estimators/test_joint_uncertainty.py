@@ -181,6 +181,7 @@ WITH_MAPS = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 @pytest.mark.filterwarnings("ignore:.*no valid bit")
 @pytest.mark.parametrize(
     "level", [0.99, *(pytest.param(level, marks=pytest.mark.slow) for level in (0.9, 0.9999))]
@@ -208,6 +209,7 @@ def test_the_coverage_reaches_the_confidence_level_with_masks_and_maps(name, lev
             assert missed <= 1 - level + 1e-9
 
 
+@pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 def test_intervals_with_a_mask_are_those_without_it():
     masked = readings_of_all_totals(WITH_MAPS["mask"])
     known = jl.uncertainty(masked, method="mle", confidence_level=0.99)

@@ -147,6 +147,7 @@ def test_flags_mark_unlit_saturated_and_dead_pixels():
     assert np.isfinite(result.standard_error[0, :3]).all()
 
 
+@pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 def test_bits_that_tell_nothing_have_an_infinite_standard_error():
     result = jl.uncertainty(
         np.array([[0, 6, 12]]), jl.Sensor(frames=12, gain=1e-6, threshold=16), method="mle"

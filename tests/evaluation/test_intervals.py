@@ -132,6 +132,7 @@ def test_stacks_and_colors_are_those_of_single_images():
     np.testing.assert_array_equal(color.standard_error, np.moveaxis(known.standard_error, 0, -1))
 
 
+@pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 def test_units_scale_the_interval():
     known = jl.uncertainty(COUNTS, SENSOR)
     photons = jl.uncertainty(COUNTS, SENSOR.replace(gain=8.0), units="photons")

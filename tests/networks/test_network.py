@@ -74,7 +74,7 @@ def test_a_sensor_with_another_response_to_light_is_refused(network, change):
     ("network", "data", "sensor", "error", "message"),
     [
         (UNTIED, np.zeros((2, 2), int), None, TypeError, "a tied network takes counts"),
-        (UNTIED, BITS, jl.Sensor(frames=16), ValueError, "1 frames of 4 x 4 .* 16 frames of 1 x 1"),
+        (UNTIED, BITS, jl.Sensor(frames=16), ValueError, "1 frame of 4 x 4 .* 16 frames of 1 x 1"),
         (UNTIED, BITS, SPACE.replace(dark_counts=0.1), ValueError, "a tied network takes others"),
         (
             UNTIED,

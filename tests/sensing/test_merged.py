@@ -17,7 +17,7 @@ def test_a_number_of_trials_and_the_sensor_s_values_are_the_defaults():
     assert (merged.dark_counts, merged.efficiency) == (0.01, 0.5)
     assert merged.acceptance is merged.posterior_error is merged.flags is None
     assert merged.shape == (2, 3)
-    assert repr(merged).startswith("<Merged: 2 x 3, 8 to 8 trials, Sensor(frames=8")
+    assert repr(merged).startswith("<Merged: 2 x 3, 8 trials, Sensor(frames=8")
 
 
 def test_maps_are_kept():
@@ -183,3 +183,10 @@ def test_merged_counts_are_no_single_array():
     for convert in (np.asarray, np.array, lambda data: np.asarray(data, np.float32)):
         with pytest.raises(TypeError, match=r"got Merged; merged\.ones and merged\.trials are its"):
             convert(merged)
+
+
+@pytest.mark.parametrize(
+    ("trials", "text"), [(1, "1 trial"), (3.0, "3 trials"), ([[1, 2.5]], "1 to 2.5 trials")]
+)
+def test_the_text_names_the_trials(trials, text):
+    assert f", {text}, " in repr(jl.Merged([[1, 1]], trials, jl.Sensor()))

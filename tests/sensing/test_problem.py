@@ -25,3 +25,14 @@ def test_the_constant_estimate_explains_the_ones_of_jots_that_differ():
     likelihood = jl.Likelihood(ones, trials, dark_counts=dark)
     problem = jl.Problem(jl.operators.scaling((8, 8), 1.0), likelihood, 5.0)
     assert problem.constant_estimates() == pytest.approx(0.02, rel=0.05)
+
+
+def test_the_text_of_a_problem_shows_no_functions():
+    light = jl.operators.spread((2, 3), oversampling=2, kernel="cubic")
+    problem = jl.Problem(light, jl.Likelihood(np.ones((4, 6), int), 8, threshold=2))
+    text = repr(problem)
+    assert "<Likelihood: 4 x 6 cells, 8 trials, threshold 2>" in text
+    assert "kernel='cubic'" in text
+    assert "function" not in text
+    assert " at 0x" not in text
+    assert repr(jl.Likelihood(1)) == "<Likelihood: 1 cell, 1 trial, threshold 1>"

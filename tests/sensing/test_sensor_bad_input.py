@@ -66,3 +66,47 @@ def test_the_error_of_a_number_out_of_range_states_it(name, value):
         ValueError, match=rf"{name}: expected .* got {received}".replace("+", r"\+")
     ):
         jl.Sensor(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("dead_time", r"jotlight\.FreeRunning\(dead_time=\.\.\.\)"),
+        ("exposure", r"gain \(photons\), or exposure_time \(seconds\)"),
+        ("alpha", "gain"),
+        ("pde", "efficiency"),
+        ("DCR", r"dark_counts \(DCR \* exposure time\)"),
+        ("psf", "kernel"),
+        ("q", "threshold"),
+        ("K_hat", "oversampling"),
+        ("bayer", "mosaic"),
+        ("cfa", "mosaic"),
+        ("frame", "frames"),
+    ],
+)
+def test_symbols_and_other_names_of_parameters_have_a_hint(name, hint):
+    for call in (jl.Sensor, jl.Sensor().replace):
+        with pytest.raises(TypeError, match=rf"got {name}; did you mean {hint}\?"):
+            call(**{name: 1})
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({"frames": 3, "gain": [3]}, r"each of the 3 frames, got .* Sensor\(frames=1, gain="),
+        ({"gain": [3, 1]}, r"one for the only frame, got .* Sensor\(frames=2, gain="),
+        ({"frames": 3, "gain": [[1]]}, r"each of the 3 frames, got .* Sensor\(frames=3, gain="),
+        ({"frames": 4, "threshold": [1, 2]}, r"jots, got .* Sensor\(frames=2, threshold="),
+    ],
+    ids=str,
+)
+def test_the_example_for_values_of_frames_has_their_number(parameters, expected):
+    with pytest.raises(ValueError, match=expected):
+        jl.Sensor(**parameters)
+
+
+def test_each_frame_has_a_gain_in_the_range():
+    with pytest.raises(ValueError, match=r"gain: expected a number from 1\.6e-17 to 1e[+]18"):
+        jl.Sensor(frames=16, gain=1e-18)
+    bits = jl.Sensor(frames=16, gain=1.6e-17).expose(np.ones((2, 2)), rng=0)
+    assert bits[:4].sensor.gain == pytest.approx(4e-18)

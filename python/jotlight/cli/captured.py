@@ -36,6 +36,11 @@ class Captured:
     hot_jots: int | None = None
     """Number of jots that are treated as dead because they look hot in the scene, if searched."""
 
+    @property
+    def states_mosaic(self) -> bool:
+        """Whether the file states a mosaic, which the options may remove."""
+        return self.data.sensor is not None and self.data.sensor.mosaic is not None
+
     def summed(self) -> Bits | Readings | Counts:
         """Return the bits, the readings of several bits, or the sum of a stack of counts."""
         if isinstance(self.data, Bits):
@@ -172,8 +177,9 @@ def _with_stated_frames(
         number = len(capture.images)
         if trials is not None and number > 1 and expected == capture.trials and trials % jots == 0:
             raise ValueError(
-                f"{path}: holds {number} images of {expected} trials each, and their sum has "
-                f"{trials} trials, but {options} means {expected}; write --frames {trials // jots}"
+                f"{path}: holds {number} images of {counted(expected, 'trial')} each, and their "
+                f"sum has {counted(trials, 'trial')}, but {options} means {expected}; write "
+                f"--frames {trials // jots}"
             )
         check_trials(path, trials, expected, options)
         return sensor_kwargs
@@ -192,10 +198,10 @@ def _with_stated_frames(
 
 def check_trials(path: Path | str, stated: int | None, trials: int, options: str) -> None:
     """Raise ValueError when a file states another number of trials than the options."""
-    if stated not in (None, trials):
+    if stated is not None and stated != trials:
         raise ValueError(
-            f"{path}: states counts of {stated} trials, but {options} means {trials}; leave the "
-            "option out"
+            f"{path}: states counts of {counted(stated, 'trial')}, but {options} means {trials}; "
+            "leave the option out"
         )
 
 

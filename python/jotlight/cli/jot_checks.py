@@ -64,6 +64,8 @@ def caution_about_jots(captured: Captured, threads: int | None) -> None:
     found = _count_jots(captured, threads, _MAX_BYTES)
     if found is not None:
         for label, remark in jot_remarks(*found, captured.sensor):
+            if label == PERIODIC_RATES and captured.states_mosaic:
+                continue  # the library says that the mosaic is left out
             if label == PERIODIC_RATES:
                 warn(remark, PeriodicRatesWarning)  # the library has issued it, too, in most cases
             else:

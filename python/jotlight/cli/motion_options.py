@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from jotlight.cli.captured import Captured
 from jotlight.cli.common_options import MOTION_PANEL
 from jotlight.cli.console import progress
+from jotlight.errors import plural
 from jotlight.formats.checksums import file_checksum
 from jotlight.images.image_stack import stack_writer
 from jotlight.motion.align import align
@@ -237,7 +238,10 @@ def describe(merged: Merged | None, motion: Motion) -> list[str]:
     if merged is None:
         return ["motion: none, the scene stands still"]
     trials = np.broadcast_to(merged.trials, merged.shape)
-    numbers = f"{trials.min():g} trials per pixel or more, {np.median(trials):g} in the median"
+    numbers = (
+        f"{trials.min():g} {plural(float(trials.min()), 'trial')} per pixel or more, "
+        f"{np.median(trials):g} in the median"
+    )
     if merged.upsample > 1:
         numbers += f"; {np.mean(trials > 0):.1%} of the finer grid has readings"
     if motion.model == "none":

@@ -8,6 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from jotlight.cli.console import shape_text
+from jotlight.errors import counted
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.graph import flops_per_pixel
@@ -34,8 +35,8 @@ def network_facts(file: Path, network: Network | PlanesNetwork) -> list[tuple[st
     else:
         low, high = network.trials_range
         sensor = (
-            f"any of {low} trials per pixel or more, {network.sensor.kernel} kernel; trained for "
-            f"{low} to {high}"
+            f"any of {counted(low, 'trial')} per pixel or more, {network.sensor.kernel} kernel; "
+            f"trained for {low} to {high}"
         )
     flops = network.rotations * flops_per_pixel(layers)
     facts = [

@@ -24,6 +24,7 @@ from jotlight.estimators.convergence import ConvergenceHistories
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.choice import COLOR_NETWORK, choose_method
+from jotlight.evaluation.clipping import with_clipping_of
 from jotlight.evaluation.color_data import takes_channels
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import METHODS
@@ -83,7 +84,8 @@ def reconstruct_image(
             found = describe(merged, path)
         data = captured.summed() if merged is None else merged
         start = time.perf_counter()
-        estimate, ending = _estimate(job, data, threads)
+        with with_clipping_of(job.choice):
+            estimate, ending = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
         metadata |= origin_of(job, checksum(), aligned)
         known = None

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Collection
 from typing import Any
 
+from jotlight.errors import counted, plural
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.evaluation.color_data import takes_sensor
 from jotlight.evaluation.held_out import smooth_kernel_reason
@@ -173,7 +174,7 @@ def choose_method(
         default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
         method = requested or (LARGE_METHOD if takes_blend(sensor, trials) else default)
         if requested is None:
-            each = f"{trials:,.0f} trials per pixel"
+            each = f"{trials:,.0f} {plural(round(trials), 'trial')} per pixel"
             recommended_for = "colors" if method == COLOR_NETWORK else each
         quality = None if method == COLOR_NETWORK else METHODS[method].quality
         # K-conditioned networks serve any S. Networks for one K were trained for S = 1.
@@ -248,7 +249,8 @@ def check_fallback(
     if network is not None and network.trials_range is None:
         raise ValueError(
             "fallback: expected a K-conditioned network, because it runs on a part of the bits; "
-            f'got one for {network.sensor.trials} trials alone; quality="medium" selects one'
+            f"got one for {counted(network.sensor.trials, 'trial')} alone; "
+            'quality="medium" selects one'
         )
 
 

@@ -1,12 +1,13 @@
 """The warnings about estimates that the largest intensity clips."""
 
+import contextlib
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import warn
+from jotlight.errors import hide_warnings, warn
 from jotlight.evaluation.choice import Choice
 from jotlight.networks.pretrained import DEFAULT_SIZE
 from jotlight.sensing.merged import MERGE_AGAIN, Merged
@@ -16,8 +17,13 @@ from jotlight.sensing.sensor import Sensor
 _PIXELS_AT_ONCE = 1 << 18
 """Number of pixels that are compared in one call of NumPy."""
 
+_MAX_BRIGHT = 0.05
+"""Fraction of the scene that may be brighter than the largest intensity, such as a few lights."""
+
 _MAX_CLIPPED = 0.9
-"""Fraction of pixels at the largest intensity above which a warning is issued."""
+"""Fraction of values that may be clipped where the data do not show which of them are too dark."""
+
+_BRIGHTER = "of the scene is brighter than the largest intensity"
 
 _NEAR_LARGEST = 0.98
 """Fraction of the largest intensity of a network above which an estimate counts as clipped."""
@@ -40,12 +46,26 @@ def largest_colors(sensor: Sensor) -> npt.NDArray[np.float32]:
 
 
 def warn_about_clipping(
-    estimate: npt.NDArray[np.float32], sensor: Sensor, data: Iterable[object] = ()
+    values: npt.NDArray[np.float32],
+    sensor: Sensor,
+    bright: Callable[[], float | None],
+    data: Iterable[object] = (),
 ) -> None:
-    """Warn if the largest intensity clips most pixels, although the bits are not saturated.
+    """Warn if much of the scene is brighter than the largest intensity, which clips its estimate.
 
-    Equivalent counts among the data are not valid beyond an intensity, and do not say whether their
-    readings are saturated.
+    Parameters
+    ----------
+    values : ndarray of float32
+        The estimate, or the upper ends of its intervals.
+    sensor : Sensor
+        The sensor of the data.
+    bright : callable
+        A function that returns which fraction of the scene the data show to be brighter, or None
+        if they do not show it. Then 90 % of the values must be clipped. The function is called only
+        if more than 5 % are.
+    data : iterable
+        The data. Equivalent counts among them are not valid beyond an intensity, and do not say
+        whether their readings are saturated.
     """
     valid = min((one.valid_up_to for one in data if isinstance(one, Merged)), default=math.inf)
     saturation, highest = min(saturation_intensity(sensor), valid), largest_colors(sensor)
@@ -53,23 +73,41 @@ def warn_about_clipping(
     if saturation <= sensor.max_intensity and not must_merge:
         return
     # In parts: new memory for a large image takes longer than the comparison.
-    number = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
-    parts = (estimate[start : start + number] for start in range(0, len(estimate), number))
-    clipped = sum(np.count_nonzero(part >= highest) for part in parts) / estimate.size
-    if clipped <= _MAX_CLIPPED:
+    number = max(1, _PIXELS_AT_ONCE * len(values) // values.size)
+    parts = (values[start : start + number] for start in range(0, len(values), number))
+    clipped = sum(np.count_nonzero(part >= highest) for part in parts) / values.size
+    if clipped <= _MAX_BRIGHT:
+        return
+    known = bright()
+    fraction, limit = (clipped, _MAX_CLIPPED) if known is None else (known, _MAX_BRIGHT)
+    if fraction <= limit:
         return
     balance = " times the white balance" if np.any(highest != sensor.max_intensity) else ""
     advice = (
-        f"up to which the equivalent counts are valid; unless all readings are saturated, "
+        f" and up to which the equivalent counts are valid; unless all readings are saturated, "
         f"{MERGE_AGAIN}"
         if must_merge
-        else f"although the bits saturate only at {saturation:.3g}; "
+        else f", although the bits saturate only at {saturation:.3g}; "
         f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be brighter"
     )
     warn(
-        f"{clipped:.0%} of the pixels have the largest intensity, {sensor.max_intensity:g}"
-        f"{balance}, {advice}"
+        f"{fraction:.0%} {_BRIGHTER}, {sensor.max_intensity:g}{balance}, which clips its estimate"
+        f"{advice}"
     )
+
+
+@contextlib.contextmanager
+def with_clipping_of(choice: Choice) -> Iterator[None]:
+    """Hide the warning about bright scenes where :func:`clipping_of` has a better remark.
+
+    Examples
+    --------
+    >>> from jotlight.evaluation.choice import choose_method
+    >>> with with_clipping_of(choose_method(Sensor(frames=16))):
+    ...     pass
+    """
+    with hide_warnings(_BRIGHTER) if choice.saturation is not None else contextlib.nullcontext():
+        yield
 
 
 def clipping_of(choice: Choice, maximum: float) -> str | None:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_image
+from jotlight.errors import counted
 from jotlight.evaluation.choice import COLOR_NETWORK, TITLES, choose_method
 from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.evaluation.reconstruct import reconstruct
@@ -78,7 +79,7 @@ class Comparison:
         for (title, psnr, ssim, seconds), result in zip(self.rows(), self.results, strict=True):
             text = f"{psnr}   SSIM {ssim}   {seconds}"
             panels.append(plots.Panel(title, text, result.estimate))
-        heading = f"{sensor.trials} trials per pixel   {sensor!r}"
+        heading = f"{counted(sensor.trials, 'trial')} per pixel   {sensor!r}"
         return plots.comparison(panels, heading, white=sensor.max_intensity)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jotlight.errors import warn
-from jotlight.sensing.bits import Bits
+from jotlight.evaluation.first_frames import first_frames, on_usual_grid
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -16,9 +16,6 @@ _MIN_EXPECTED = 1000.0
 """Smallest number of ones that the dark counts must cause. By Chernoff's bound, the ones of right
 dark counts fall below 80 % of it with a probability of exp(-0.2² · 1000 / 2) = 2e-9 or less."""
 
-_MAX_BYTES = 1 << 22
-"""Maximum number of bytes of bits that are counted, of each image."""
-
 
 def warn_about_dark_counts(images: GrayImages, sensor: Sensor, threads: int | None = None) -> None:
     """Warn if data have fewer ones than the dark counts of their sensor cause without light.
@@ -28,7 +25,7 @@ def warn_about_dark_counts(images: GrayImages, sensor: Sensor, threads: int | No
     """
     if not np.any(sensor.dark_counts) or not sensor.has_plain_bits or sensor.mosaic is not None:
         return
-    images, sensor = _first_frames(images, sensor)
+    images, sensor = first_frames(on_usual_grid(images), sensor)
     for part in images.parts(sensor):
         pixels = part.count(sensor, threads)
         if pixels.varies_within_pixels:
@@ -45,16 +42,3 @@ def warn_about_dark_counts(images: GrayImages, sensor: Sensor, threads: int | No
                 "of a dark capture by its number of frames, as jotlight.calibrate does"
             )
             return
-
-
-def _first_frames(images: GrayImages, sensor: Sensor) -> tuple[GrayImages, Sensor]:
-    """Return the first frames of bits, and their sensor. Counts stay as they are."""
-    bits = [each for each in images.data if isinstance(each, Bits)]
-    if len(bits) < len(images):
-        return images, sensor
-    first = bits[0]
-    frames = max(1, _MAX_BYTES * len(first) // max(1, first.packed.nbytes))
-    if frames >= len(first):
-        return images, sensor
-    part = [each[:frames] for each in bits]
-    return GrayImages(part, images.layout), sensor.replace(frames=frames)

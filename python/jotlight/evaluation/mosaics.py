@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,13 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
 from jotlight.estimators.merge_near import Merging
+from jotlight.evaluation.bright_blocks import bright_fraction_of_mosaic
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     OWN_NETWORK,
 )
 from jotlight.evaluation.choice import TITLES as METHOD_TITLES
-from jotlight.evaluation.clipping import largest_colors
+from jotlight.evaluation.clipping import largest_colors, warn_about_clipping
 from jotlight.evaluation.info import Info, join_infos
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
@@ -117,7 +119,9 @@ def reconstruct_mosaic(
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
     if estimate is None or isinstance(estimate, ColorNetwork):
         colors, info = _by_color_network(counted, mosaic, gray, estimate, precision, threads)
-    else:
+        bright = partial(bright_fraction_of_mosaic, counted, mosaic)
+        warn_about_clipping(np.stack(colors), sensor, bright)
+    else:  # the estimates of planes warn by themselves
         colors, info = _by_planes(counted, mosaic, estimate, method)
     largest = largest_colors(sensor)
     for each in colors:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
+from jotlight.evaluation.bright_blocks import bright_fraction
 from jotlight.evaluation.channels import (
     reconstruct_channels,
     run_color_network,
@@ -190,8 +191,9 @@ def reconstruct(
     Warns
     -----
     JotlightWarning
-        When the largest intensity S clips most of the estimate, and when the data have fewer ones
-        than the dark counts of the sensor cause without light.
+        When more than 5 % of the scene is brighter than the largest intensity S, although the bits
+        are not saturated, and when the data have fewer ones than the dark counts of the sensor
+        cause without light.
     PeriodicRatesWarning
         When the rates of jots repeat, as under a color filter mosaic. All methods warn about it.
 
@@ -232,7 +234,8 @@ def reconstruct(
         with without_warnings_of_colors(data):
             images = gray_images(data)
             estimate, info = _by_method(request, images, sensor, out)
-        warn_about_clipping(estimate, sensor, images.data)
+        bright = partial(bright_fraction, images, sensor, threads)
+        warn_about_clipping(estimate, sensor, bright, images.data)
         warn_about_dark_counts(images, sensor, threads)
     if scale != 1:
         # A function of the caller may return an array that it still needs.
@@ -259,10 +262,7 @@ def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> t
         run = noting_planes(method, partial(reconstruct, **of_planes))
         estimate = partial(run, return_info=True)
     settings = {"precision": request.precision, "threads": request.threads, **arrays}
-    colors, info = reconstruct_mosaic(data, sensor, estimate, demosaicing=demosaicing, **settings)
-    if estimate is None or isinstance(estimate, ColorNetwork):  # other planes warn by themselves
-        warn_about_clipping(colors, sensor)
-    return colors, info
+    return reconstruct_mosaic(data, sensor, estimate, demosaicing=demosaicing, **settings)
 
 
 def _by_function(

@@ -14,11 +14,13 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
+from jotlight.evaluation.bright_blocks import bright_fraction
 from jotlight.evaluation.channel_intervals import find_channel_intervals
 from jotlight.evaluation.choice import (
     check_precision_of,
     choose_method,
 )
+from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.color_data import (
     check_demosaicing,
     takes_channels,
@@ -119,7 +121,8 @@ def uncertainty(
     -----
     JotlightWarning
         For the method "mle", when the kernel is smooth. The interval is then that of the mean light
-        on the pixel's jots.
+        on the pixel's jots. When more than 5 % of the scene is brighter than the largest intensity
+        S, at which intervals end, although the bits are not saturated.
 
     Notes
     -----
@@ -211,16 +214,17 @@ def _of_gray_images(
     Without an estimate, it is computed.
     """
     method, threads = request.method, request.threads
-    if not sensor.has_plain_bits and method == EXACT_METHOD:
-        return joint_uncertainty(images, sensor, confidence_level, threads)
+    if method == EXACT_METHOD:
+        find = exact_uncertainty if sensor.has_plain_bits else joint_uncertainty
+        found = find(images, sensor, confidence_level, threads)
+        warn_about_clipping(found.high, sensor, partial(bright_fraction, images, sensor, threads))
+        return found
     if not sensor.has_plain_bits:
         if estimate is None:
             estimate = reconstruct(images, sensor, **request.arguments())
         merged, reference = with_one_response(images, sensor, method, threads)
         found = _of_gray_images(merged, reference, request, estimate, confidence_level)
         return with_saturation(found, images, sensor, threads)
-    if method == EXACT_METHOD:
-        return exact_uncertainty(images, sensor, confidence_level, threads)
     check_errors_known(method, sensor)
     if estimate is None:
         estimate = reconstruct(images, sensor, **request.arguments())

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import positive_number, whole_number
-from jotlight.errors import warn
+from jotlight.errors import counted, warn
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
@@ -53,8 +53,8 @@ def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
     name = capture.provenance.name
     if capture.trials is not None:
         raise ValueError(
-            f"counts_scale: {name} states counts of {capture.trials} trials, which have no scale; "
-            "leave it out (--counts-scale)"
+            f"counts_scale: {name} states counts of {counted(capture.trials, 'trial')}, which have "
+            "no scale; leave it out (--counts-scale)"
         )
     scale = positive_number("counts_scale", scale)
     if trials is None:
@@ -72,12 +72,13 @@ def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
     fewer = find_fewer_trials(read(0, 1), trials)
     if fewer is not None:
         warn(
-            f"{name}: is read as means of {trials} frames, but means of {fewer} explain all values "
-            f"of the first image; if {fewer} is right, pass trials={fewer} (--trials {fewer})"
+            f"{name}: is read as means of {counted(trials, 'frame')}, but means of {fewer} explain "
+            f"all values of the first image; if {fewer} is right, pass trials={fewer} (--trials "
+            f"{fewer})"
         )
     verify = images.verify if isinstance(images, Frames) else lambda: None
     counts = Frames(images.shape, read, np.int32, verify)
-    note = f"means of {trials} frames, times {scale:g}"
+    note = f"means of {counted(trials, 'frame')}, times {scale:g}"
     return dataclasses.replace(
         capture, images=counts, provenance=capture.provenance.with_notes(note), trials=trials
     )

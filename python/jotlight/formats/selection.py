@@ -6,13 +6,12 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import require_slice
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
-from jotlight.sensing.slices import refuse_no_frames
+from jotlight.sensing.slices import refuse_no_frames, require_slice
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
 

@@ -3,6 +3,7 @@
 from typing import TypeVar
 
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.contradictions import warn_about_contradictions
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
@@ -24,6 +25,11 @@ def with_mosaic(data: AnyBits, mosaic: object) -> AnyBits:
     ValueError
         When the mosaic does not fit the data.
 
+    Warns
+    -----
+    JotlightWarning
+        When the data state another mosaic.
+
     Examples
     --------
     >>> with_mosaic(Bits.from_array([[[0, 1], [1, 1]]]), "RGGB").sensor
@@ -39,6 +45,7 @@ def with_mosaic(data: AnyBits, mosaic: object) -> AnyBits:
     stated = data.sensor
     known = stated if isinstance(stated, Sensor) else Sensor(frames=len(data))
     sensor = known.replace(mosaic=mosaic, gain=known.gain)
+    warn_about_contradictions(data, sensor, "mosaic")
     if isinstance(data, Readings):
         return Readings(data.frames, sensor, data.provenance)
     return data.replace(sensor=sensor)

@@ -30,6 +30,7 @@ from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.contradictions import warn_about_contradictions
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.reading_groups import refuse_mosaic, without_mosaic
@@ -102,6 +103,7 @@ def align(
     >>> motion.model, motion.at(31).shape
     ('affine', (2, 64, 96))
     """
+    warn_about_contradictions(data, sensor)
     with shown_progress(progress, "aligning") as update:
         found = find_motion(data, sensor, at, model, threads, update)
     report_dark(found.dark, found.motion.reference)

@@ -17,6 +17,7 @@ from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds
 from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
 from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.contradictions import warn_about_contradictions
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
@@ -91,6 +92,7 @@ def film(
     >>> [image.motion.reference for image in film(scene.bits, window=32, step=8, causal=True)]
     [31.0, 31.0, 31.0]
     """
+    warn_about_contradictions(data, sensor)
     converted = counts_for_motion(data, sensor)
     if converted is not None:
         check_cycles(converted.cycle, window, step)

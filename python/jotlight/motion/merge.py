@@ -32,6 +32,7 @@ from jotlight.motion.threshold_maps import count_still
 from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.contradictions import warn_about_contradictions
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
@@ -119,6 +120,7 @@ def merge(
             "motion: expected a jotlight.Motion, as jotlight.align(bits) returns it, or "
             f"jotlight.Motion.load(path), got {motion!r}"
         )
+    warn_about_contradictions(data, sensor)
     converted = counts_for_motion(data, sensor)
     counts, own = (data, sensor) if converted is None else (converted.counts, converted.sensor)
     of_kinds = frames_of_kinds(counts, own)

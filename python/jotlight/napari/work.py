@@ -21,6 +21,7 @@ from jotlight.napari.lazy import (
 )
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.slices import frames_text
 from jotlight.view.alignment import merge_window
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewed
@@ -49,7 +50,7 @@ def align_window(source: LayerSource, index: int) -> LayerData:
     aligned = LayerSource(viewed, source.window, source.step, method)
     merged, _ = merge_window(viewed, span, method)
     image = aligned.image(index, merged)
-    name = f"{viewed.title}, frames {span.start} to {span.stop - 1}, aligned, {method}"
+    name = f"{viewed.title}, {frames_text(span)}, aligned, {method}"
     return display_layer(image, image, name)
 
 

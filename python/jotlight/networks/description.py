@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from jotlight.errors import counted
 from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.layer import Layer
 from jotlight.notebook import card
@@ -41,7 +42,7 @@ def html_of(network: DescribedNetwork) -> str:
 
 def _facts(network: DescribedNetwork) -> dict[str, object]:
     layers, trials_range = network.layers, network.trials_range
-    served = trials_range and f"{trials_range[0]} trials per pixel or more"
+    served = trials_range and f"{counted(trials_range[0], 'trial')} per pixel or more"
     return {
         "channels": " -> ".join(str(layer.channels) for layer in layers),
         "parameters": sum(layer.parameter_count for layer in layers),

@@ -2,6 +2,7 @@
 
 import math
 
+from jotlight.errors import counted
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor, require_any_sensor, require_sensor
 
@@ -28,13 +29,14 @@ def check_served(
     trials = sensor.trials
     if trials_range is not None and trials < trials_range[0]:
         raise ValueError(
-            f"sensor: the network is for {trials_range[0]} trials per pixel or more, got {trials}"
+            f"sensor: the network is for {counted(trials_range[0], 'trial')} per pixel or more, "
+            f"got {trials}"
         )
     if not tied and (own.oversampling, own.frames) != (sensor.oversampling, sensor.frames):
         raise ValueError(
-            f"sensor: the network is for {own.frames} frames of {own.oversampling} x "
-            f"{own.oversampling} jots per pixel, got {sensor.frames} frames of "
-            f"{sensor.oversampling} x {sensor.oversampling}"
+            f"sensor: the network is for {counted(own.frames, 'frame')} of {own.oversampling} x "
+            f"{own.oversampling} jots per pixel, got "
+            f"{counted(sensor.frames, 'frame')} of {sensor.oversampling} x {sensor.oversampling}"
         )
     # The engine deconvolves the estimates of K-conditioned networks.
     if own.kernel != sensor.kernel and trials_range is None:

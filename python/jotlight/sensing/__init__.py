@@ -22,7 +22,8 @@ In reading order:
 * checks and messages: ``bits_checks``, ``byte_levels`` (which recognizes unpacked bits),
   ``alike_frames``, ``scaled_counts`` (which recognizes means), ``array_hints``, and
   ``description`` (sensors as texts);
-* ``periodic_rates`` with ``filter_hints``: a test for a mosaic that is not stated;
+* ``periodic_rates`` with ``filter_hints``: a test for a mosaic that is not stated.
+  ``contradictions``: sensors that contradict the one that the data carry;
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
 * ``operators`` with ``checked_maps``, ``likelihood``, and ``problem``: the spread of light, the
   objective of reconstruction, and its maximization. ``joint_likelihood`` is the objective for

@@ -12,11 +12,13 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.arrays import HasReadOnlyArrays, frozen
 from jotlight.checks import check_threads, to_array, type_of, whole_number_in_range
+from jotlight.errors import plural
 from jotlight.sensing.response import Array
 from jotlight.sensing.stacks import select
 from jotlight.sensing.values import (
     as_doubles,
     checked_trials,
+    extent,
     flatten,
     number_or_map,
     numbers_from_zero,
@@ -91,6 +93,12 @@ class Likelihood(HasReadOnlyArrays):
         self.threshold = whole_number_in_range("threshold", threshold, 1, 65535)
         check_threads(threads)
         self._threads = threads
+
+    def __repr__(self) -> str:
+        size = " x ".join(map(str, self.shape)) or "1"
+        size = f"{size} {plural(self.ones.size, 'cell')}"
+        trials = f"{extent(self.trials)} {plural(float(np.max(self.trials)), 'trial')}"
+        return f"<Likelihood: {size}, {trials}, threshold {self.threshold}>"
 
     @property
     def threads(self) -> int | None:

@@ -12,13 +12,14 @@ import numpy.typing as npt
 
 from jotlight.arrays import HasReadOnlyArrays, frozen
 from jotlight.checks import as_counts, positive_number, to_array, whole_number_in_range
+from jotlight.errors import plural
 from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.values import checked_trials, numbers_from_zero
+from jotlight.sensing.values import checked_trials, extent, numbers_from_zero
 
 MAX_SILENT_TRIALS = 0.01
 """Maximum number of trials of a pixel that says nothing, but is not dead."""
@@ -201,7 +202,7 @@ class Merged(HasReadOnlyArrays):
     def _repr_html_(self) -> str:
         facts: dict[str, object] = {
             "size": " x ".join(map(str, self.shape)),
-            "trials": f"{np.min(self.trials):g} to {np.max(self.trials):g}",
+            "trials": extent(self.trials),
             "sensor": self.sensor,
         }
         if self.acceptance is not None:
@@ -212,9 +213,9 @@ class Merged(HasReadOnlyArrays):
         return card("Merged", {**facts, "image": "the fraction of ones"}, normalize(fraction))
 
     def __repr__(self) -> str:
-        low, high = np.min(self.trials), np.max(self.trials)
         size = " x ".join(map(str, self.shape))
-        return f"<Merged: {size}, {low:g} to {high:g} trials, {self.sensor!r}>"
+        trials = f"{extent(self.trials)} {plural(float(np.max(self.trials)), 'trial')}"
+        return f"<Merged: {size}, {trials}, {self.sensor!r}>"
 
 
 def is_finer(data: object) -> bool:

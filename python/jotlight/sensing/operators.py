@@ -50,8 +50,8 @@ class Operator:
     True
     """
 
-    forward: LinearMap
-    adjoint: LinearMap
+    forward: LinearMap = dataclasses.field(repr=False)
+    adjoint: LinearMap = dataclasses.field(repr=False)
     input_shape: tuple[int, ...]
     output_shape: tuple[int, ...]
     takes_stacks: bool = dataclasses.field(default=False, kw_only=True)
@@ -91,7 +91,7 @@ class Spread(Operator):
     oversampling: int
     kernel: str
     gain: float
-    weighted_normal: Callable[[Array, Array], Array]
+    weighted_normal: Callable[[Array, Array], Array] = dataclasses.field(repr=False)
 
     @property
     def symmetric(self) -> bool:

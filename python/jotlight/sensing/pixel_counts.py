@@ -13,6 +13,7 @@ from jotlight.checks import as_counts, check_threads, refuse_masked
 from jotlight.layout import Layout, join
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.contradictions import warn_about_contradictions
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.data_lists import list_of_data
 from jotlight.sensing.maps import constant_or_map, mean_dark_counts, pixel_means, stack_maps
@@ -204,8 +205,9 @@ def prepare_data(
 
     Warns
     -----
-    PeriodicRatesWarning
-        When the rates of the jots repeat, as under a color filter mosaic.
+    JotlightWarning
+        When the sensor contradicts that of the data, and when the rates of the jots repeat, as
+        under a color filter mosaic (PeriodicRatesWarning).
 
     Examples
     --------
@@ -214,6 +216,7 @@ def prepare_data(
     [[4.0, 2.5]]
     """
     refuse_path(data)
+    contradictions = warn_about_contradictions(data, sensor)
     sensor = carried_sensor(data) if sensor is None else sensor
     if sensor is None:
         refuse_frames(data)
@@ -229,8 +232,8 @@ def prepare_data(
         sensor = without_mosaic(sensor)
     require_sensor(sensor, may_differ=may_differ)
     check_any_valid(True if sensor.mask is None else ~sensor.mask)
-    # The rates follow a map of thresholds or a mosaic.
-    may_repeat = has_mosaic or np.ndim(sensor.threshold) == 2
+    # The rates follow a map of thresholds or a mosaic, also one that the caller removed.
+    may_repeat = has_mosaic or "mosaic" in contradictions or np.ndim(sensor.threshold) == 2
     several = list_of_data(data)
     if isinstance(data, Bits | Readings | Merged | GrayImages) or several:
         check_sensor_of_merged(several or [data], sensor)

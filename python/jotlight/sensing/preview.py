@@ -10,6 +10,7 @@ from jotlight.notebook import card, normalize
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
+from jotlight.sensing.slices import frames_text
 
 MAX_BYTES = 1 << 26
 """Maximum number of bytes of bits that a preview reads."""
@@ -86,10 +87,12 @@ def caption(shown: range, frames: int) -> str:
     --------
     >>> caption(range(1), 1), caption(range(16), 16), caption(range(16), 99)
     ('the only frame', 'how often each pixel is 1', 'how often each pixel is 1 in frames 0 to 15')
+    >>> caption(range(1), 99)
+    'how often each pixel is 1 in frame 0'
     """
     if frames == 1:
         return "the only frame"
-    part = "" if len(shown) == frames else f" in frames {shown[0]} to {shown[-1]}"
+    part = "" if len(shown) == frames else f" in {frames_text(shown)}"
     return f"how often each pixel is 1{part}"
 
 

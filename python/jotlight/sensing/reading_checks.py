@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.arrays import frozen
 from jotlight.checks import number_in_range, shown, to_array, whole_number_in_range
-from jotlight.errors import counted, warn
+from jotlight.errors import warn
 from jotlight.sensing.maps import LIMITS, MAX_THRESHOLD, checked_threshold_map
 
 Gain = float | npt.NDArray[np.float64]
@@ -44,7 +44,8 @@ def checked_gain(gain: npt.ArrayLike, frames: int) -> Gain:
     """
     values = to_array("gain", gain)
     if values.ndim == 0:
-        return number_in_range("gain", gain, *LIMITS)
+        # So the gain of each frame alone is in the range, too.
+        return number_in_range("gain", gain, frames * LIMITS[0], LIMITS[1])
     _check_frames("gain", values, frames, "a number")
     values = values.astype(np.float64)
     low, high = values.min(), values.max()
@@ -129,8 +130,10 @@ def checked_response(bit_depth: object, read_noise: object, threshold: Threshold
 def _check_frames(name: str, values: npt.NDArray[Any], frames: int, number: str) -> None:
     if values.dtype.kind not in "iuf" or values.shape != (frames,):
         some = ", or a map of the jots" if name == "threshold" else ""
+        each = f"each of the {frames} frames" if frames > 1 else "the only frame"
+        number_of_values = len(values) if values.ndim == 1 and values.size else frames
         raise ValueError(
-            f"{name}: expected {number}, or one for each of the "
-            f"{counted(frames, 'frame')}{some}, got {values.dtype} of shape {values.shape}; state "
-            f"the number of frames too, as in Sensor(frames={max(values.shape[0], 2)}, {name}=[…])"
+            f"{name}: expected {number}, or one for {each}{some}, got {values.dtype} of shape "
+            f"{values.shape}; state the number of frames too, as in "
+            f"Sensor(frames={number_of_values}, {name}=[…])"
         )

@@ -6,8 +6,8 @@ from typing import Any, Generic, Protocol, TypeGuard, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import require_slice
 from jotlight.sensing.reading_checks import Gain, Threshold
+from jotlight.sensing.slices import require_slice
 
 S = TypeVar("S", bound="GroupedSensor")
 

@@ -20,8 +20,30 @@ from jotlight.sensing.simulate import EnginePart
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
 
+_SYNONYMS = {
+    "k_hat": "oversampling",
+    "t": "frames",
+    "k": "frames (K is frames * oversampling**2)",
+    "exposure": "gain (photons), or exposure_time (seconds)",
+    "alpha": "gain",
+    "q": "threshold",
+    "psf": "kernel",
+    "dcr": "dark_counts (DCR * exposure time)",
+    "dark_count_rate": "dark_counts (DCR * exposure time)",
+    "d": "dark_counts",
+    "eta": "efficiency",
+    "pde": "efficiency",
+    "qe": "efficiency",
+    "s": "max_intensity",
+    "sigma": "read_noise",
+    "bayer": "mosaic",
+    "cfa": "mosaic",
+    "dead_time": "jotlight.FreeRunning(dead_time=...)",
+}
+"""Symbols of the parameters, and their names in data sheets and in other software."""
 
-@require_names("Sensor(frames=16)")
+
+@require_names("Sensor(frames=16)", _SYNONYMS)
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Sensor(Exposure, HasReadOnlyArrays):
     """A quanta image sensor: each jot reports 1 when it detects at least `threshold` photons.
@@ -41,9 +63,9 @@ class Sensor(Exposure, HasReadOnlyArrays):
     frames : int
         T: the number of binary frames of the same scene.
     gain : float or array_like of shape (T,), optional
-        α: the expected photons on a pixel of intensity 1, over all its jots and frames, 1e-18 to
-        1e18. An array states the photons of each frame, as of a bracket of exposures; their sum is
-        α. Default: K, the number of trials per pixel.
+        α: the expected photons on a pixel of intensity 1, over all its jots and frames, 1e-18 per
+        frame to 1e18. An array states the photons of each frame, as of a bracket of exposures;
+        their sum is α. Default: K, the number of trials per pixel.
     threshold : int or array_like of shape (T,) or (H * K̂, W * K̂)
         q: the minimum number of photons for which a jot reports 1, 1 to 65535: a number, one for
         each frame, or a map with one for each jot.

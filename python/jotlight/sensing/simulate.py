@@ -11,12 +11,13 @@ from typing import Any, NamedTuple, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_image, check_threads, require_slice
+from jotlight.checks import as_image, check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.layout import Layout
 from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.output_images import OutputImages, check_out
 from jotlight.sensing.sensor_like import SensorLike
+from jotlight.sensing.slices import require_slice
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
 EngineSensor = dict[str, Any]

@@ -3,6 +3,20 @@
 from jotlight.checks import shown
 
 
+def require_slice(name: str, value: object) -> None:
+    """Raise TypeError unless a value is a slice.
+
+    Examples
+    --------
+    >>> require_slice("frames", 3)
+    Traceback (most recent call last):
+      ...
+    TypeError: frames: expected a slice, such as slice(0, 16), got 3
+    """
+    if not isinstance(value, slice):
+        raise TypeError(f"{name}: expected a slice, such as slice(0, 16), got {shown(value)}")
+
+
 def format_frame_range(frames: slice) -> str:
     """Return a slice of frames in the notation of `--frame-range`.
 
@@ -13,6 +27,18 @@ def format_frame_range(frames: slice) -> str:
     """
     ends = [frames.start, frames.stop, *([] if frames.step is None else [frames.step])]
     return ":".join("" if end is None else str(end) for end in ends)
+
+
+def frames_text(frames: range) -> str:
+    """Return some consecutive frames in words.
+
+    Examples
+    --------
+    >>> frames_text(range(4)), frames_text(range(1))
+    ('frames 0 to 3', 'frame 0')
+    """
+    first, last = frames[0], frames[-1]
+    return f"frame {first}" if first == last else f"frames {first} to {last}"
 
 
 def chosen_range(name: str, title: str, part: slice, number: int) -> range:

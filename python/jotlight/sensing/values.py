@@ -22,6 +22,18 @@ def flatten(value: Any) -> Any:
     return np.ascontiguousarray(value.reshape(-1)) if isinstance(value, np.ndarray) else value
 
 
+def extent(values: npt.ArrayLike) -> str:
+    """Return the smallest and the largest number as a text.
+
+    Examples
+    --------
+    >>> extent([4, 2.5]), extent(4.0)
+    ('2.5 to 4', '4')
+    """
+    low, high = np.min(values), np.max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
 def as_doubles(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return numbers as an aligned array of float64 in C order: itself, if it already is one.
 

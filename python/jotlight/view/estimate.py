@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
-from jotlight.evaluation.clipping import clipping_of
+from jotlight.evaluation.clipping import clipping_of, with_clipping_of
 from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import CountStack
@@ -194,14 +194,15 @@ def estimate(
         counts, trials = _live_counts(counts, data, sensor)
     check()
     start = time.perf_counter()
-    image, info = reconstruct(
-        data,
-        sensor if merged is None else None,
-        return_info=True,
-        channel_axis=last_channel_axis(data),
-        threads=1 if method == "mle" and counts.size <= _MAX_BRIEF_PIXELS else None,
-        **options,
-    )
+    with with_clipping_of(choice):
+        image, info = reconstruct(
+            data,
+            sensor if merged is None else None,
+            return_info=True,
+            channel_axis=last_channel_axis(data),
+            threads=1 if method == "mle" and counts.size <= _MAX_BRIEF_PIXELS else None,
+            **options,
+        )
     seconds = time.perf_counter() - start
     if (remark := clipping_of(choice, float(image.max()))) is not None:
         warn(remark)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from jotlight._engine import __version__
+from jotlight.errors import plural
 from jotlight.evaluation.choice import COLOR_NETWORK, TITLES
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.tone import CURVES
@@ -101,9 +102,9 @@ def _describe(name: str, value: Any, sensor: Sensor) -> str:
         unit = " photons" if name == "gain" else ""
         return ", ".join(f"{each:.4g}" for each in value[:_MAX_VALUES]) + more + unit
     if name == "gain":
-        return f"{sensor.gain / sensor.frames:.4g} photons"
+        return _photons(sensor.gain / sensor.frames)
     if name == "read_noise":
-        return f"{value:.4g} photons"
+        return _photons(value)
     if isinstance(value, np.ndarray):
         return f"map, median {float(np.median(value)):.3g}"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
@@ -132,3 +133,8 @@ def _methods(viewed: Viewable, window: int, recommended: str) -> list[dict[str, 
                 entry["reason"] = str(error)
         methods.append(entry)
     return methods
+
+
+def _photons(number: float) -> str:
+    text = f"{number:.4g}"
+    return f"{text} {plural(float(text), 'photon')}"

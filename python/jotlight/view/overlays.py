@@ -14,6 +14,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.readings import Readings
+from jotlight.sensing.slices import frames_text
 from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
 from jotlight.view.state import COUNTS
@@ -96,7 +97,7 @@ def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Map, str]:
     if sensor.mask is not None:
         found[sensor.mask] = DEAD
     number = int(np.count_nonzero(found == DEAD))
-    note = f"{number} dead, {int(hot.sum())} hot, from frames {frames.start} to {frames.stop - 1}"
+    note = f"{number} dead, {int(hot.sum())} hot, from {frames_text(frames)}"
     return found, note
 
 
