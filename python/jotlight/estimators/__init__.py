@@ -11,7 +11,8 @@ In reading order:
 * variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``trial_levels`` (pixels with
   different numbers of trials), ``noniterative``;
 * iterative methods: ``problem_building`` (equation 4), ``image_solver`` (its solution for each
-  image), ``convergence``, ``mle_iterative`` with ``descent``, and ``tv``, ``admm`` with
+  image), ``convergence``, ``mle_iterative`` with ``descent``, and ``tv``
+  with ``local_information``, ``admm`` with
   ``admm_splitting``, ``admm_terms``, and ``linear_solver``;
 * smooth kernels and mosaics: ``deconvolution``, ``demosaicing``;
 * quality of an estimate: ``uncertainty`` with ``light_inversion``, ``joint_uncertainty`` with

@@ -29,9 +29,6 @@ from jotlight.sensing.sensor import Sensor
 _MAX_DETECTIONS = 5e8
 """Largest number of detections whose short readings a sensor can number."""
 
-_MIN_DEAD_TIME = 1e-7
-"""Smallest dead time. Most numbers below are seconds that were not divided."""
-
 _ADVICE = (
     "; it is a fraction of the exposure time, so divide seconds by that time; if the fraction is "
     "smaller, n detections would be n / (1 - n * dead_time) without it, almost exactly"
@@ -89,7 +86,7 @@ class FreeRunning:
 
     def __post_init__(self) -> None:
         for name, low, high, advice in (
-            ("dead_time", _MIN_DEAD_TIME, 1.0, _ADVICE),
+            ("dead_time", 1e-7, 1.0, _ADVICE),  # most smaller numbers are seconds
             ("efficiency", 1e-18, 1.0, ""),
             ("dark_counts", 0.0, 1e18, ""),
         ):
@@ -314,9 +311,8 @@ class FreeRunning:
                 f"light: expected at most {_MAX_DETECTIONS:g} detections per exposure at the "
                 f"largest intensity, with dark counts, got {rate:g}"
             )
-        frames = max(1, int(np.ceil(rate / MAX_RATE)))
         sensor = Sensor(
-            frames=frames,
+            frames=(frames := max(1, int(np.ceil(rate / MAX_RATE)))),
             gain=light,
             efficiency=self.efficiency,
             dark_counts=self.dark_counts / frames,
@@ -327,9 +323,8 @@ class FreeRunning:
         detections = self._checked(image if sensor.mask is None else image * ~sensor.mask)
         merge = merge_near_neighbors if near_neighbors else merge_at_maximum
         ones, trials, flags = merge(self, detections, light, sensor)
-        return Merged(
-            ones, trials, sensor, flags=flags, light_share=1 / frames, valid_up_to=largest
-        )
+        share = 1 / frames
+        return Merged(ones, trials, sensor, flags=flags, light_share=share, valid_up_to=largest)
 
     def _rate(self, light: npt.ArrayLike) -> Array:
         levels = np.asarray(to_array("light", light), np.float64)
