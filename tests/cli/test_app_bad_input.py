@@ -22,7 +22,7 @@ import jotlight as jl
         (["simulate", "photo.png", "-o", "photo.png/a.npy"], "cannot write"),
         (["simulate", "counts.npy", "-o", "a.npy"], "--white"),
         (["simulate", "text.png", "-o", "a.npy"], "no known format"),
-        (["simulate", "cut.png", "-o", "a.npy"], "damaged or truncated"),
+        (["simulate", "cut.png", "-o", "a.npy"], "it is truncated"),
         (["reconstruct", "bits.npy", "-o", "a.gif"], "ends in .png"),
         (["reconstruct", "bits.npy", "-o", "a.jpg", "--depth", "16"], "16 for .png"),
         (["reconstruct", "bits.npy", "-o", "bits.npy"], "another name"),
