@@ -58,7 +58,7 @@ def assert_sums(merged, ones, trials):
 @pytest.mark.parametrize("upsample", [1, 2])
 def test_a_single_channel_keeps_its_axis(upsample):
     _, bits = moved(shifts_of((1, -2)), shape=SIZE, photons=0.4, rng=0)
-    channel = jl.Bits.from_array(bits.to_array()[..., None])
+    channel = jl.Bits.from_array(bits.to_array()[..., None], bits.sensor)
     motion = motion_of((1, -2))
     gray = jl.merge(bits, motion=motion, upsample=upsample)
     merged = jl.merge(channel, motion=motion, upsample=upsample)

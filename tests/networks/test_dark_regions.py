@@ -45,6 +45,13 @@ def test_bright_probabilities_stay_as_they_are():
     assert match_dark_regions(p, p, 16, 3) is p
 
 
+def test_the_largest_threshold_causes_no_overflow():
+    p = np.full((8, 8), 1e-4, np.float32)
+    found = match_dark_regions(p, np.zeros((8, 8), np.float32), 16, 65_535)
+    assert (found >= 0).all()
+    assert (found < 1e-4).all()
+
+
 @pytest.mark.parametrize("threshold", [2, 3, 8])
 @pytest.mark.parametrize("ones", [0, 1, 7])
 def test_the_bits_of_a_dark_region_show_its_mean_intensity(threshold, ones):
@@ -53,7 +60,7 @@ def test_the_bits_of_a_dark_region_show_its_mean_intensity(threshold, ones):
     posterior = x ** (threshold * ones - 0.5) * np.exp(-(x**threshold))
     mean = (x * posterior).sum() / posterior.sum()
     number = np.full((1, 1), ones, np.float32)
-    found = dark_regions._expected_ones(number, threshold)
+    found = np.exp(dark_regions._log_of_expected(number, threshold))
     np.testing.assert_allclose(found, mean**threshold, rtol=0.02)
 
 

@@ -40,6 +40,10 @@ _SIGMA = 8.0
 """Standard deviation of the window in pixels."""
 
 
+_MAX_EXPONENT = 80.0
+"""Largest exponent whose exponential is a number of float32."""
+
+
 def may_have_dark_regions(image: Image, sensor: Sensor) -> bool:
     """Return whether an estimate has dark pixels whose brightness would be wrong.
 
@@ -104,19 +108,22 @@ def match_dark_regions(
     bits = dark * trials
     pixels = 4 * math.pi * _SIGMA**2  # pixels that a Gaussian window weighs like a uniform one
     ones, expected = blur(np.stack([bits * fraction, bits * p]), _SIGMA, threads)
-    ratio = _expected_ones(pixels * ones, threshold) / _expected_ones(pixels * expected, threshold)
-    return np.asarray(p * ratio**dark, np.float32)
+    logarithm = _log_of_expected(pixels * ones, threshold)
+    logarithm -= _log_of_expected(pixels * expected, threshold)
+    # A probability is at most 1, so larger exponents would change nothing.
+    ratio = np.exp(np.minimum(dark * logarithm, _MAX_EXPONENT))
+    return np.asarray(np.minimum(p * ratio, 1), np.float32)
 
 
-def _expected_ones(ones: Image, threshold: int) -> Image:
-    """Return f(n), the ones that are expected at the mean intensity of windows with n ones."""
+def _log_of_expected(ones: Image, threshold: int) -> npt.NDArray[np.float64]:
+    """Return log f(n), whose exponential may underflow for a high threshold."""
+    n = ones.astype(np.float64)
     if threshold == 1:
-        return ones + np.float32(0.5)
+        return np.log(n + 0.5)
     from scipy.special import gammaln
 
-    n = ones.astype(np.float64)
     ratio = gammaln(n + 1.5 / threshold) - gammaln(n + 0.5 / threshold)
-    return np.asarray(np.exp(threshold * ratio))
+    return np.asarray(threshold * ratio)
 
 
 def _below(p: Image, limit: float) -> Image:
