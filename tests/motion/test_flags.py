@@ -221,6 +221,7 @@ def test_scenes_are_unclear_if_parts_change_strongly():
         assert pixels[:, 150:].mean() < 0.3  # by chance
 
 
+@pytest.mark.slow
 def test_a_small_light_that_blinks_is_flagged_and_the_rest_of_the_image_is_not():
     bits = jl.Sensor(frames=64, gain=10.0).expose(np.full((96, 128), 0.5), rng=0)
     frames = bits.to_array()

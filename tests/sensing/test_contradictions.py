@@ -82,6 +82,7 @@ def test_another_mosaic_of_a_file_is_reported(tmp_path, data):
     jl.reconstruct(opened)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("run", [jl.merge, jl.align, lambda *data: next(film(*data, window=8))])
 def test_motion_reports_it(run):
     stated = jl.Sensor(frames=16)
