@@ -82,6 +82,13 @@ def test_a_white_scene_is_not(frames, level):
     jl.uncertainty(bits, method="mle")
 
 
+def test_exact_intervals_of_equivalent_counts_are_to_be_merged_again():
+    pixel = jl.FreeRunning(dead_time=0.01)
+    merged = pixel.merge(pixel.draw(np.full((32, 32), 90.0), rng=0), 30.0)
+    with pytest.warns(jl.JotlightWarning, match="merge the readings again"):
+        jl.uncertainty(merged, method="mle")
+
+
 def test_a_few_lights_are_not():
     scene = np.array(SCENE)
     scene[:16, :32] = 3.0  # 3 % of the pixels

@@ -117,6 +117,6 @@ def test_onnx_models_have_one_rotation(tmp_path):
 
 
 def test_pytorch_modules_have_one_rotation():
-    torch_of_jotlight = pytest.importorskip("jotlight.torch")
+    pytest.importorskip("torch")
     with pytest.raises(ValueError, match=r"network: expected .* since PyTorch modules run it in"):
-        torch_of_jotlight.Network(with_rotations(SMALL, 4))
+        jl.torch.Network(with_rotations(SMALL, 4))

@@ -130,7 +130,10 @@ def test_the_sensor_is_the_given_one_or_that_of_the_data():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mask": np.eye(2, 3, dtype=bool)}, "mask: expected that of .*; state the dead pixels"),
+        (
+            {"mask": np.eye(2, 3, dtype=bool)},
+            "mask: expected that of .*; leave out the sensor, or pass it where",
+        ),
         ({"dark_counts": 0.02}, "dark_counts: expected that of the sensor of the merged counts"),
         ({"efficiency": 0.25}, "efficiency: expected that of the sensor of the merged counts"),
         ({"max_intensity": 4.5}, "max_intensity: expected at most 4, .* merge the readings again"),
@@ -148,6 +151,10 @@ def test_other_sensors_are_accepted():
         assert prepare_data(data, SENSOR.replace(max_intensity=4.0))[1].mask is None
     with pytest.raises(ValueError, match="mask: expected that of"):
         prepare_data([merged, merged], SENSOR.replace(mask=np.zeros((2, 3), bool)))
+    dark_counts = np.linspace(0.01, 0.1, 6).reshape(2, 3)
+    merged = jl.Merged(ONES, 8, SENSOR.replace(dark_counts=dark_counts))
+    for others in (0.0, np.float32(dark_counts)):
+        prepare_data(merged, SENSOR.replace(dark_counts=others))
 
 
 def test_trials_turn_counts_into_merged_counts():

@@ -257,7 +257,7 @@ def test_a_module_refuses_arguments_without_a_spline(arguments, message):
 def test_the_state_of_a_module_with_other_knots_is_refused():
     module = Spline(2)
     module.load_state_dict(Spline(2).half().state_dict())
-    with pytest.raises(ValueError, match=r"got knots from -2 in steps of 0\.4 for layer 0; create"):
+    with pytest.raises(ValueError, match=r"layer 0, got knots from -2 in steps of 0\.4; create"):
         module.load_state_dict(Spline(2, low=-2.0, high=2.0).state_dict())
 
 

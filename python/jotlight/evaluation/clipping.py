@@ -84,7 +84,7 @@ def warn_about_clipping(
         return
     balance = " times the white balance" if np.any(highest != sensor.max_intensity) else ""
     advice = (
-        f" and up to which the equivalent counts are valid; unless all readings are saturated, "
+        f"; the equivalent counts are not valid beyond it, so unless all readings are saturated, "
         f"{MERGE_AGAIN}"
         if must_merge
         else f", although the bits saturate only at {saturation:.3g}; "

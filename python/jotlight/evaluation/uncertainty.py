@@ -217,7 +217,8 @@ def _of_gray_images(
     if method == EXACT_METHOD:
         find = exact_uncertainty if sensor.has_plain_bits else joint_uncertainty
         found = find(images, sensor, confidence_level, threads)
-        warn_about_clipping(found.high, sensor, partial(bright_fraction, images, sensor, threads))
+        bright = partial(bright_fraction, images, sensor, threads)
+        warn_about_clipping(found.high, sensor, bright, images.data)
         return found
     if not sensor.has_plain_bits:
         if estimate is None:

@@ -40,6 +40,9 @@ _SIGMA = 8.0
 """Standard deviation of the window in pixels."""
 
 
+_TINY = np.finfo(np.float32).tiny
+"""Smallest result, because smaller numbers of float32 are inaccurate, or 0."""
+
 _MAX_EXPONENT = 80.0
 """Largest exponent whose exponential is a number of float32."""
 
@@ -112,7 +115,7 @@ def match_dark_regions(
     logarithm -= _log_of_expected(pixels * expected, threshold)
     # A probability is at most 1, so larger exponents would change nothing.
     ratio = np.exp(np.minimum(dark * logarithm, _MAX_EXPONENT))
-    return np.asarray(np.minimum(p * ratio, 1), np.float32)
+    return np.asarray(np.clip(p * ratio, np.minimum(p, _TINY), 1), np.float32)
 
 
 def _log_of_expected(ones: Image, threshold: int) -> npt.NDArray[np.float64]:

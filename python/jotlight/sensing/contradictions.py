@@ -12,6 +12,9 @@ from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
+_LISTED = 4
+"""Number of values of a bracket that a message lists."""
+
 _MAX_RELATIVE = 1e-3
 """Largest difference of equal ratios of gains, which a caller may have rounded."""
 
@@ -130,6 +133,8 @@ def _text(name: str, sensor: Sensor) -> str:
         return "no mosaic" if value is None else f"the mosaic {value!r}"
     if isinstance(value, np.ndarray):
         each = "frame" if value.ndim == 1 else "jot"
-        listed = ", ".join(f"{one:g}" for one in value[:4]) if value.ndim == 1 else ""
-        return f"a {name} for each {each}" + (f" ({listed}, ...)" if listed else "")
+        if value.ndim > 1:
+            return f"a {name} for each {each}"
+        listed = [f"{one:g}" for one in value[:_LISTED]] + ["..."] * (len(value) > _LISTED)
+        return f"a {name} for each {each} ({', '.join(listed)})"
     return "one gain for all frames" if name == "gain" else f"{name} {value}"

@@ -30,13 +30,11 @@ MERGE_AGAIN = (
 )
 """What to do with equivalent counts of a scene that is too bright for them."""
 
-_OF_PIXELS = {
-    "mask": "state the dead pixels where the readings are merged, in the sensor of merge_readings "
-    "or the mask of FreeRunning.merge, or as pixels of 0 trials",
-    "dark_counts": "Merged(dark_counts=…) states those of each pixel",
-    "efficiency": "Merged(efficiency=…) states that of each pixel",
-}
-"""Parameters of the sensor that merged counts state for each pixel, and what to do instead."""
+_OF_PIXELS = {"mask": None, "dark_counts": 0.0, "efficiency": 1.0}
+"""Parameters of the sensor that merged counts state for each pixel, and their default values."""
+
+_TOLERANCE = 1e-5
+"""Relative difference that does not count: such as of a map that was rounded to float32."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -237,7 +235,8 @@ def check_sensor_of_merged(data: Iterable[object], sensor: Sensor) -> None:
     """Raise ValueError if a sensor of plain bits contradicts the merged counts among some data.
 
     Merged counts state the jots behind each pixel. So another mask, other dark counts, or another
-    efficiency would have no effect. Nothing takes merged counts for those of other sensors.
+    efficiency would have no effect. Default values state nothing. Nothing takes merged counts for
+    those of other sensors.
 
     Examples
     --------
@@ -251,18 +250,27 @@ def check_sensor_of_merged(data: Iterable[object], sensor: Sensor) -> None:
     for merged in data:
         if not isinstance(merged, Merged) or not sensor.has_plain_bits:
             continue
-        for name, advice in _OF_PIXELS.items():
-            own, other = getattr(merged.sensor, name), getattr(sensor, name)
-            if other is not None and not np.array_equal(own, other):
+        for name, default in _OF_PIXELS.items():
+            if _differs(getattr(merged.sensor, name), getattr(sensor, name), default):
                 raise ValueError(
                     f"{name}: expected that of the sensor of the merged counts, got another one; "
-                    f"{advice}"
+                    "leave out the sensor, or pass it where the readings are merged, to "
+                    "jotlight.merge or merge_readings (FreeRunning.merge has mask=)"
                 )
         if sensor.max_intensity > merged.valid_up_to:
             raise ValueError(
                 f"max_intensity: expected at most {merged.valid_up_to:g}, up to which the "
                 f"equivalent counts are valid, got {sensor.max_intensity:g}; {MERGE_AGAIN}"
             )
+
+
+def _differs(own: Any, other: Any, default: float | None) -> bool:
+    """Return whether a parameter of a sensor contradicts another one. A default states nothing."""
+    if other is None or (np.ndim(other) == 0 and other == default):
+        return False
+    if own is None or (np.ndim(own) and np.ndim(other) and own.shape != other.shape):
+        return True
+    return not np.allclose(own, other, rtol=_TOLERANCE, atol=0)
 
 
 def _mean_over_bits(name: str, sensor: Sensor) -> str:

@@ -84,7 +84,7 @@ def rank() -> int:
     The launcher states it before the group exists.
     """
     if _has_default_group():
-        return torch.distributed.get_rank()
+        return int(torch.distributed.get_rank())
     return int(os.environ.get("RANK", "0"))
 
 
@@ -155,7 +155,7 @@ def process_group(device: torch.device) -> Iterator[ProcessGroup]:
 
 
 def _has_default_group() -> bool:
-    return torch.distributed.is_available() and torch.distributed.is_initialized()
+    return bool(torch.distributed.is_available() and torch.distributed.is_initialized())
 
 
 def _join(backend: str) -> None:

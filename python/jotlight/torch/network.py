@@ -32,7 +32,7 @@ from jotlight.torch.estimates import (
 )
 from jotlight.torch.filter_bank import convolve, correlate, knots_of, layer_specs
 from jotlight.torch.padding import mirror_pad
-from jotlight.torch.splines import check_knots, spline
+from jotlight.torch.splines import accept_parameters_alone, check_knots, spline
 
 
 class Network(nn.Module):
@@ -100,6 +100,7 @@ class Network(nn.Module):
                 if layer.coefficients is not None
             }
         )
+        self.register_load_state_dict_post_hook(accept_parameters_alone)
         self.to(device)
 
     @classmethod

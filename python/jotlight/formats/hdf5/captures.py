@@ -134,10 +134,11 @@ def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> St
     shape, name = data_set.shape, f"{path}: {data_set.name}"
     frame_bytes = math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize
     check_frame_size(name, frame_bytes, file.size)
-    reason = "are read as the fill value; HDF5 omits chunks that were not written"
+    kind = "chunks" if data_set.chunk_bytes else "frames"
+    reason = f"are read as the fill value; HDF5 omits {kind} that were not written"
     total, missing = data_set.chunks, data_set.missing_chunks
     warning = describe_missing_chunks(
-        name, total - missing, total, _MAX_MISSING, kind="chunks", reason=reason
+        name, total - missing, total, _MAX_MISSING, kind=kind, reason=reason
     )
     if data_set.chunk_bytes > _MAX_CHUNK_BYTES:
         raise ValueError(
