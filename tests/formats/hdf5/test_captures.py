@@ -65,7 +65,7 @@ def test_a_file_cannot_refer_to_other_files_or_claim_more_than_it_holds(tmp_path
         jl.open(tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("x", (10**9, 512, 64), "u1")
-    with pytest.raises(ValueError, match="only 0 of its 1000000000 chunks exist"):
+    with pytest.raises(ValueError, match="only 0 of its 1000000000 frames exist"):
         jl.open(tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("x", (9, 9000, 9000), "u1", chunks=(1, 900, 900))
