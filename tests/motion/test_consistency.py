@@ -151,6 +151,14 @@ def test_a_dim_scene_that_stands_still_keeps_nearly_all_bits():
     assert np.mean(kept) > 0.999
 
 
+@pytest.mark.parametrize("size", [(1, 512), (512, 1), (2, 256)])
+def test_a_line_of_pixels_that_stands_still_keeps_most_bits(size):
+    place = np.linspace(0, 9, 512)
+    image = (0.5 + 0.4 * np.sin(place**2)).reshape(size)
+    still = Track.still(blocks_of(jl.Sensor(frames=256, gain=256).expose(image, rng=1)))
+    assert find_consistent(still, is_still=True).accepted.mean() > 0.85
+
+
 def test_other_channels_are_counted_where_their_sum_agrees():
     color = hidden_scene(np.random.default_rng(4), (3,))
     still = Track.still(blocks_of(jl.Bits.from_array(color)))

@@ -66,6 +66,21 @@ def test_parts_that_agree_disagree_by_about_1_except_where_one_has_changed(brigh
     np.testing.assert_allclose(disagreement(first, second), 1)
 
 
+@pytest.mark.parametrize("size", [(1, 9000), (9000, 1), (2, 4500), (3, 3000), (60, 150)])
+def test_noise_is_as_likely_at_borders_as_inside(size):
+    rng = np.random.default_rng(5)
+    p = rng.uniform(0.2, 0.5, size)
+    first, second = Sums.zeros(size), Sums.zeros(size)
+    for sums, trials in ((first, 40), (second, 100)):
+        sums.trials[:], sums.ones[:] = trials, rng.binomial(trials, p)
+    template = Template(p.astype(np.float32), np.full(size, 10**6, np.int32))
+    for test in disagreement(first, second), chi_squared(first, template):
+        borders = test.copy()
+        borders[1:-1, 1:-1] = np.nan
+        assert np.nanmean(borders) == pytest.approx(1, abs=0.12)
+        assert test.mean() == pytest.approx(1, abs=0.07)
+
+
 def test_parts_that_do_not_fit_are_refused():
     good = [np.zeros((5, 8), np.int32), np.full((5, 8), 2, np.int32)] * 2
     out = np.zeros((2, 2, 2), np.float32)

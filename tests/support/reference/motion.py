@@ -1,5 +1,7 @@
 """Slow twins of the motion functions of the engine, in NumPy."""
 
+import itertools
+
 import numpy as np
 from scipy import sparse
 from scipy.ndimage import correlate1d, gaussian_filter, uniform_filter
@@ -143,6 +145,15 @@ def fit_blocks(sums, template, sigma, weights, basis, min_others):
 RARE = 0.02
 
 
+def variances_of_sums(variance):
+    """Return the variances of sums over squares of 3 pixels, of which reflection repeats some."""
+    rows, columns = variance.shape
+    pads = np.pad(np.arange(variance.size).reshape(rows, columns), 1, mode="symmetric")
+    places = [pads[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    pairs = itertools.product(places, places)
+    return sum(variance.ravel()[first] * (first == second) for first, second in pairs)
+
+
 def chi_squared(ones, trials, p, trials_of_template):
     """Return χ² of each pixel, which is about 1 if the counts agree with the template."""
 
@@ -158,7 +169,7 @@ def chi_squared(ones, trials, p, trials_of_template):
     more = RARE * p.size
     ratio_of_ones = (ones.sum() + more) / ((trials * p).sum() + more)
     residual = (ones + rare) / np.clip(ratio_of_ones, 0.1, 10) - expected
-    ratio = box(residual, 3) ** 2 / np.maximum(box(variance, 3), 1e-3)
+    ratio = box(residual, 3) ** 2 / np.maximum(variances_of_sums(variance), 1e-3)
     counted = trials > 0
     return (box(ratio * counted, 9) + 1) / (box(counted, 9) + 1)
 
@@ -177,8 +188,9 @@ def disagreement(ones, trials, other_ones, other_trials):
     p = box(first + second) / np.maximum(box(trials + other_trials / brightness), 1)
     p = np.minimum(p, min(brightness, 1))
     # The variances of the two binomial numbers, whose probabilities are p and p / brightness.
-    own = p * (1 - p) * box(weight * other_trials)
-    other = brightness**2 * (p / brightness) * (1 - p / brightness) * box(weight * trials)
+    own = p * (1 - p) * variances_of_sums(weight * other_trials)
+    other = brightness**2 * (p / brightness) * (1 - p / brightness)
+    other = other * variances_of_sums(weight * trials)
     difference = box(first * other_trials - brightness * second * trials)
     ratio = difference**2 / np.maximum(own + other, 1e-3) * both
     sides = [range(0, length, 4) for length in ones.shape]

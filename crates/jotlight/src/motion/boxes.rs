@@ -1,4 +1,39 @@
 //! Sums over neighboring values of rows, and over neighboring rows.
+//!
+//! Beyond its borders, an image is reflected, so three neighbors may contain a value m times. In a sum
+//! of noise, it has m² times its variance, because it is the same noise. In a sum of variances, it
+//! thus counts with a weight of m each time.
+
+use super::filter::reflect;
+
+/// Return how often each of three neighbors from `first` on, which may lie outside, is among them.
+pub(super) fn weights_of_variances(first: isize, length: usize) -> [f32; 3] {
+    let places = [0, 1, 2].map(|k| reflect(first + k, length));
+    places.map(|place| places.iter().filter(|&&other| other == place).count() as f32)
+}
+
+/// Return the sums with weights other than 1, and these weights, of a row that begins with `margin`
+/// reflected values.
+pub(super) fn sums_at_borders(margin: usize, width: usize) -> Vec<(usize, [f32; 3])> {
+    let sums = 0..width + 2 * margin - 2;
+    sums.map(|sum| {
+        (
+            sum,
+            weights_of_variances(sum as isize - margin as isize, width),
+        )
+    })
+    .filter(|&(_, weights)| weights != [1.0; 3])
+    .collect()
+}
+
+/// Write the sums of three neighboring variances into `out`.
+#[inline(always)]
+pub(super) fn add_variances(source: &[f32], at_borders: &[(usize, [f32; 3])], out: &mut [f32]) {
+    add_neighbors(source, 1, out);
+    for &(sum, weights) in at_borders {
+        out[sum] = [0, 1, 2].map(|k| weights[k] * source[sum + k]).iter().sum();
+    }
+}
 
 /// Write the sum of source\[i\], source\[i + step\], and source\[i + 2·step\] into `out`.
 #[inline(always)]
@@ -16,6 +51,15 @@ pub(super) fn add_three(rows: [&[f32]; 3], out: &mut [f32]) {
     let rows = rows.map(|row| &row[..out.len()]);
     for i in 0..out.len() {
         out[i] = rows[0][i] + (rows[1][i] + rows[2][i]);
+    }
+}
+
+/// Write the weighted sum of three rows into `out`.
+#[inline(always)]
+pub(super) fn add_weighted(rows: [&[f32]; 3], weights: [f32; 3], out: &mut [f32]) {
+    let rows = rows.map(|row| &row[..out.len()]);
+    for i in 0..out.len() {
+        out[i] = weights[0] * rows[0][i] + (weights[1] * rows[1][i] + weights[2] * rows[2][i]);
     }
 }
 

@@ -3,7 +3,9 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use super::boxes::{LastRows, add_neighbors, add_three};
+use super::boxes::{
+    LastRows, add_neighbors, add_three, add_variances, sums_at_borders, weights_of_variances,
+};
 use super::brightness::{add_parts, ratios};
 use super::count::Count;
 use super::disagreement::Counts;
@@ -71,7 +73,8 @@ pub(super) fn brightness_of_blocks<C: Count>(
 /// Write χ² of each pixel into `out`. It is about 1 if the counts agree with the template.
 ///
 /// N, D, and D p are the counts with a few more ones and zeros, 0.02 each. The residual counts
-/// N/β − D p and their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of 3 pixels. The
+/// N/β − D p and their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of 3 pixels. A pixel
+/// that a square contains m times, because the image is reflected, adds m² times its variance. The
 /// ratio of the squared residual to the variance is averaged over those of 9 pixels that have
 /// trials, and over one more pixel whose ratio is 1. β is the brightness of the block, the ratio of
 /// Σ N to Σ D p.
@@ -132,17 +135,16 @@ fn test_band_inlined<C: Count>(
     let mut triples = vec![0.0; extended - 4];
     let mut averages = [(); 2].map(|()| LastRows::<3>::new(width));
     let mut large = [(); 2].map(|()| LastRows::<7>::new(width));
+    let height = comparison.probability.nrows();
+    let at_borders = sums_at_borders(RADIUS, width);
     for index in 0..rows + 2 * RADIUS {
-        let row = reflect(
-            (first + index) as isize - RADIUS as isize,
-            comparison.probability.nrows(),
-        );
+        let place = (first + index) as isize - RADIUS as isize;
+        let row = reflect(place, height);
         add_parts(comparison.parts, row, &mut counts);
         let known = counted.row_mut(index);
         compare_row(comparison, per_one, row, &counts, &mut terms, known);
-        for (sums, terms) in sums.iter_mut().zip(&terms) {
-            add_neighbors(terms, 1, sums.row_mut(index));
-        }
+        add_neighbors(&terms[0], 1, sums[0].row_mut(index));
+        add_variances(&terms[1], &at_borders, sums[1].row_mut(index));
         // Each sum ends with the newest row that it needs.
         let Some(index) = index.checked_sub(2) else {
             continue;
@@ -151,7 +153,8 @@ fn test_band_inlined<C: Count>(
         let [residuals, variances] = sums
             .each_ref()
             .map(|sums| [0, 1, 2].map(|k| sums.row(index + k)));
-        divide(residuals, variances, known, &mut ratios);
+        let weights = weights_of_variances(place - 2, height);
+        divide(residuals, (variances, weights), known, &mut ratios);
         for (source, averages) in [&ratios[..], known].into_iter().zip(&mut averages) {
             add_neighbors(source, 1, &mut triples);
             add_neighbors(&triples, 3, averages.row_mut(index));
@@ -182,15 +185,21 @@ fn test_band_inlined<C: Count>(
     }
 }
 
-/// Divide the squared sums of three rows of residuals by those of their variances.
+/// Divide the squared sums of three rows of residuals by the weighted sums of their variances.
 #[inline(always)]
-fn divide(residuals: [&[f32]; 3], variances: [&[f32]; 3], known: &[f32], ratios: &mut [f32]) {
+fn divide(
+    residuals: [&[f32]; 3],
+    (variances, weights): ([&[f32]; 3], [f32; 3]),
+    known: &[f32],
+    ratios: &mut [f32],
+) {
     let length = ratios.len();
     let [residuals, variances] = [residuals, variances].map(|rows| rows.map(|row| &row[..length]));
     let known = &known[..length];
     for i in 0..length {
         let residual = residuals[0][i] + (residuals[1][i] + residuals[2][i]);
-        let variance = variances[0][i] + (variances[1][i] + variances[2][i]);
+        let variance = weights[0] * variances[0][i]
+            + (weights[1] * variances[1][i] + weights[2] * variances[2][i]);
         let large = variance > MIN_VARIANCE;
         let variance = if large { variance } else { MIN_VARIANCE };
         ratios[i] = residual * residual / variance * known[i];

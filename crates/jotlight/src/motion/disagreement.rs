@@ -3,7 +3,10 @@
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
-use super::boxes::{LastRows, add_neighbors, add_three};
+use super::boxes::{
+    LastRows, add_neighbors, add_three, add_variances, add_weighted, sums_at_borders,
+    weights_of_variances,
+};
 use super::brightness::LIMITS;
 use super::count::Count;
 use super::filter::{reflect, reflect_margins, values};
@@ -39,7 +42,8 @@ pub struct Counts<'a, C = i32> {
 /// A pixel disagrees by (Σ N₁D₂ − β N₂D₁)² / v, about 1 if both agree. β is the ratio of the brightness
 /// of the first part to that of the second. p = Σ(N₁ + N₂) / Σ(D₁ + D₂/β) is the probability of a one
 /// in the first part, so p/β is that in the second. v = p Σ D₁D₂[D₂(1 − p) + D₁(β − p)] is the
-/// variance of the difference. These are sums over squares of 3 pixels. Pixels without trials of both
+/// variance of the difference. These are sums over squares of 3 pixels. A pixel that a square contains
+/// m times, because the image is reflected, adds m² times its variance. Pixels without trials of both
 /// disagree by 0.
 ///
 /// # Errors
@@ -116,6 +120,9 @@ pub fn relative_brightness<'a, C: Count>(
 /// factors D₁D₂(D₂ + βD₁) of p, and D₁D₂(D₁ + D₂) of p², in the variance.
 const TERMS: usize = 5;
 
+/// The terms before those of the variance.
+const LINEAR: usize = 3;
+
 /// Two images of squares: the disagreements, and the numbers of pixels.
 type Squares<'a> = (ArrayViewMut2<'a, f32>, ArrayViewMut2<'a, f32>);
 
@@ -189,18 +196,29 @@ fn compare_band_inlined<C: Count>(
     let mut totals = [(); TERMS].map(|()| vec![0.0; width]);
     let mut known = LastRows::<3>::new(width);
     let mut ratios = vec![0.0; width];
+    let at_borders = sums_at_borders(1, width);
     // Only the last rows are kept, which stay in the fastest cache.
     for index in 0..rows + 2 {
-        let row = reflect((first_row + index) as isize - 1, height);
+        let place = (first_row + index) as isize - 1;
+        let row = reflect(place, height);
         compare_row(parts, brightness, row, &mut terms, known.row_mut(index));
-        for (sums, terms) in sums.iter_mut().zip(&terms) {
+        for (sums, terms) in sums[..LINEAR].iter_mut().zip(&terms) {
             add_neighbors(terms, 1, sums.row_mut(index));
+        }
+        for (sums, terms) in sums[LINEAR..].iter_mut().zip(&terms[LINEAR..]) {
+            add_variances(terms, &at_borders, sums.row_mut(index));
         }
         let Some(row) = index.checked_sub(2) else {
             continue;
         };
-        for (total, sums) in totals.iter_mut().zip(&sums) {
-            add_three([0, 1, 2].map(|k| sums.row(row + k)), total);
+        let weights = weights_of_variances(place - 2, height);
+        for (term, (total, sums)) in totals.iter_mut().zip(&sums).enumerate() {
+            let rows = [0, 1, 2].map(|k| sums.row(row + k));
+            if term < LINEAR {
+                add_three(rows, total);
+            } else {
+                add_weighted(rows, weights, total);
+            }
         }
         let known = known.row(row + 1);
         divide(

@@ -88,6 +88,19 @@ pub fn correlate(image: &Array2<f64>, taps: &[(isize, isize, f64)]) -> Array2<f6
     })
 }
 
+/// Return the variances of the sums over squares of 3 pixels, of which the reflected image repeats some.
+pub fn variances_of_sums(variance: &Array2<f64>) -> Array2<f64> {
+    let (rows, columns) = variance.dim();
+    Array2::from_shape_fn((rows, columns), |(row, column)| {
+        let mut weights = Array2::<f64>::zeros((rows, columns));
+        for (down, right, weight) in square(1, |_, _| 1.0) {
+            let row = reflected(row as isize + down, rows);
+            weights[[row, reflected(column as isize + right, columns)]] += weight;
+        }
+        (&weights * &weights * variance).sum()
+    })
+}
+
 pub fn square(radius: isize, weight: impl Fn(isize, isize) -> f64) -> Vec<(isize, isize, f64)> {
     let line = -radius..=radius;
     let pairs = line
@@ -203,7 +216,7 @@ pub fn naive_chi_squared(case: &Case) -> Array2<f64> {
         &((ones + &rare) / ratio.clamp(0.1, 10.0) - &expected),
         &small,
     );
-    let variances = correlate(&variance, &small);
+    let variances = variances_of_sums(&variance);
     let ratios = &residuals * &residuals / variances.mapv(|v| v.max(1e-3)) * &counted;
     (correlate(&ratios, &large) + 1.0) / (correlate(&counted, &large) + 1.0)
 }
