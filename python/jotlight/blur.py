@@ -18,7 +18,7 @@ def blur(
     sigma : float
         The standard deviation of the filter in pixels, above 0 and at most 100.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Raises
     ------

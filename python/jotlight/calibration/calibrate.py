@@ -82,7 +82,7 @@ def calibrate(
         calibration keeps the filters. Default: those of the sensor that the flat bits carry, or
         none.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     progress : bool or callable, optional
         Whether to show a progress bar, or a function that is called repeatedly with the completed
         fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.

@@ -85,7 +85,7 @@ def steadiness(
     mask : ndarray of bool, shape (H, W), optional
         True marks jots to ignore.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     progress : bool or callable, optional
         Whether to show a progress bar, or a function that is called repeatedly with the completed
         fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.

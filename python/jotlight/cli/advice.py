@@ -74,7 +74,7 @@ def caution_about_motion(
     sensor : Sensor
         The sensor of each part.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     advice : str
         How to align the frames.
     name : str, optional

@@ -57,7 +57,7 @@ class WindowCounter:
     oversampling : int
         K̂.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     mapped : bool
         Whether files are mapped into memory, which is faster. See
         :meth:`jotlight.sensing.frames.Frames.map`.

@@ -119,7 +119,7 @@ def admm_tv(
     out : ndarray of float32, optional
         An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

@@ -58,7 +58,7 @@ class Splitting:
     tol : float
         The tolerance of the residuals, which that of the linear step follows.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
     """
 
     def __init__(

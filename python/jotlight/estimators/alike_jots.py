@@ -108,7 +108,7 @@ def alike_fractions(
         The filter of each pixel of a mosaic. Only neighbors with the same one are combined.
         Default: all pixels have the same one.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------

@@ -129,7 +129,7 @@ def estimate_brightness(
     channel_axis : int, optional
         The axis of counts that holds color channels. Default: none.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

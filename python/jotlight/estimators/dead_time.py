@@ -44,20 +44,20 @@ _MASKED_ADVICE = "fill it, and pass its mask to merge(counts, light, mask=…)"
 class FreeRunning:
     """A pixel that counts photons, and is blind for a dead time after each detection.
 
-    The pixel is live at the beginning of an exposure. Photons during the dead time are lost and do
-    not prolong it. Light is in photons per exposure, 0 or more. Methods take numbers or arrays of
-    any shape, and return arrays of float64 of that shape. Counts and light are broadcast. A count
-    or a light out of range raises ValueError.
+    The pixel is live at the beginning of the exposure. Photons during the dead time are lost and do
+    not prolong it. Light is in photons per exposure time, 0 or more. Methods take numbers or arrays
+    of any shape, and return arrays of float64 of that shape. Counts and light are broadcast. A
+    count or a light out of range raises ValueError.
 
     Parameters
     ----------
     dead_time : float
         τ: the dead time as a fraction of the exposure time, 1e-7 to 1; a dead time of 50 ns and an
-        exposure of 10 µs make 0.005.
+        exposure time of 10 µs make 0.005.
     efficiency : float
         η: the fraction of the photons that are detected, above 0 to 1.
     dark_counts : float
-        d: the expected detections per exposure without light, if there were no dead time.
+        d: the expected detections per exposure time without light, if there were no dead time.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class FreeRunning:
 
     @property
     def max_count(self) -> int:
-        """The largest number of detections in an exposure."""
+        """The largest number of detections in the exposure time."""
         return self._renewal.max_count
 
     @property
@@ -158,7 +158,7 @@ class FreeRunning:
         return low
 
     def mle(self, counts: npt.ArrayLike) -> Array:
-        """Return the most likely light of each count, in photons per exposure.
+        """Return the most likely light of each count, in photons per exposure time.
 
         A count at saturation has no largest likelihood, and is infinite.
 
@@ -196,7 +196,7 @@ class FreeRunning:
         Returns
         -------
         low, high : ndarray of float64
-            The ends in photons per exposure, of the shape of the counts.
+            The ends in photons per exposure time, of the shape of the counts.
 
         Raises
         ------
@@ -263,7 +263,7 @@ class FreeRunning:
         counts : array_like of int, shape (H, W)
             The counts.
         light : float
-            Photons per exposure at intensity 1, above 0.
+            Photons per exposure time at intensity 1, above 0.
         mask : array_like of bool, shape (H, W), optional
             True marks dead pixels. Their counts have no effect. Default: no pixel is dead.
         max_intensity : float
@@ -278,7 +278,7 @@ class FreeRunning:
         Merged
             Ones and trials (H, W). Their sensor divides the exposure into readings of one bit that
             are short enough for at most 1/4 detection each. With ``units="photons"``, estimates
-            are detected photons per exposure, as if there were no dead time.
+            are detected photons per exposure time, as if there were no dead time.
 
         Raises
         ------
@@ -308,7 +308,7 @@ class FreeRunning:
         rate = self.efficiency * light * largest + self.dark_counts
         if rate > _MAX_DETECTIONS:
             raise ValueError(
-                f"light: expected at most {_MAX_DETECTIONS:g} detections per exposure at the "
+                f"light: expected at most {_MAX_DETECTIONS:g} detections per exposure time at the "
                 f"largest intensity, with dark counts, got {rate:g}"
             )
         sensor = Sensor(
@@ -329,7 +329,9 @@ class FreeRunning:
     def _rate(self, light: npt.ArrayLike) -> Array:
         levels = np.asarray(to_array("light", light), np.float64)
         if not (levels >= 0).all():
-            raise ValueError(f"light: expected photons per exposure, 0 or more, got {shown(light)}")
+            raise ValueError(
+                f"light: expected photons per exposure time, 0 or more, got {shown(light)}"
+            )
         # Infinite light, the upper end of an interval, has the limits of all sums.
         return np.minimum(self.efficiency * levels + self.dark_counts, _SATURATED_RATE)
 

@@ -48,7 +48,7 @@ class SolverInputs:
     out: npt.NDArray[np.float32] | None = None
     """The array for the estimate."""
     threads: int | None = None
-    """The number of threads. Default: all cores."""
+    """The number of threads. Default: the number of cores."""
 
 
 @underflows_to_0

@@ -43,7 +43,7 @@ def equivalent_counts(
     trials : float or ndarray of float64, shape (N,)
         K of the result, above 0: a number, or one for each image.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel of a mosaic. Default: none.
 
@@ -155,7 +155,7 @@ def intensity_from_probability(
     sensor : Sensor
         The sensor.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

@@ -25,7 +25,7 @@ def joint_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estima
     sensor : Sensor
         The sensor of the data.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

@@ -44,7 +44,7 @@ class NormalEquations:
         Conjugate gradients stop when the norm of the residual is `tol` ‖r‖. They run only if the
         cosine transform does not diagonalize AᵀA.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------

@@ -105,7 +105,7 @@ def merge_near_neighbors(
     counts : ndarray of int, shape (H, W)
         Their counts, 0 for dead pixels.
     light : float
-        Photons per exposure at intensity 1.
+        Photons per exposure time at intensity 1.
     sensor : Sensor
         The sensor of the trials. The pixels that its mask marks have no trials.
 

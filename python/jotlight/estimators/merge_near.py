@@ -176,7 +176,7 @@ def merge_different_jots(
     sensor : Sensor
         The sensor.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------

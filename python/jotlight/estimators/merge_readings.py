@@ -45,7 +45,7 @@ def merge_readings(
         The sensor that recorded the data. Default: the one that bits carry. A smooth kernel is
         treated as the box kernel.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

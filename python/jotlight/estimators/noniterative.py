@@ -70,7 +70,8 @@ def noniterative(
     out : ndarray of float32, optional
         An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional
-        The number of threads of the engine; the denoiser has its own. Default: all cores.
+        The number of threads of the engine; the denoiser has its own. Default: the number of
+        cores.
 
     Returns
     -------

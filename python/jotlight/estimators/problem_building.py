@@ -30,7 +30,7 @@ def build_problem(data: PreparedData, sensor: Sensor, threads: int | None) -> Pr
     sensor : Sensor
         The sensor that recorded them.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Raises
     ------

@@ -30,7 +30,7 @@ _TINY = 1e-290
 
 @dataclasses.dataclass(frozen=True)
 class Renewal:
-    """The number N of detections in an exposure, at a rate r of detections per exposure.
+    """The number N of detections in the exposure time, at a rate r of detections per this time.
 
     Notes
     -----

@@ -68,7 +68,7 @@ def local_trials(trials: npt.NDArray[np.floating], threads: int | None = None) -
     trials : ndarray, shape (H, W)
         The number of trials of each pixel, above 0.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def count_local_trials(pixels: PixelCounts, threads: int | None = None) -> list[
     pixels : PixelCounts
         The counts.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Raises
     ------

@@ -79,7 +79,7 @@ def total_variations(
     weight : float or ndarray of float64
         A number, or one for each pixel of each image.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------

@@ -173,7 +173,7 @@ def exact_uncertainty(
     confidence_level : float
         The coverage of the intervals, in [0.5, 1).
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Notes
     -----

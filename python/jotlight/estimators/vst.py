@@ -50,7 +50,7 @@ def anscombe(
     trials : float or array_like of float
         K, 0 or more: a number, or a map of the shape of the counts.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def inverse_anscombe(
         The exact unbiased inverse maps E[T(L)], L ~ Binomial(K, p), back to K p. The algebraic
         inverse is equation (7), the inverse function of T. It is biased where K is small.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

@@ -24,7 +24,7 @@ def diffuse(values: Array, is_known: npt.NDArray[np.bool_], threads: int | None 
     is_known : ndarray of bool, shape (H, W)
         Where the result may be above 0.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def whole_counts(
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel. Default: all have the same one.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------

@@ -47,7 +47,7 @@ def find_channel_intervals(
     confidence_level : float
         Coverage of the intervals.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     gray = error_model()
     factor = np.array([np.log(_SHARE), *np.zeros(len(gray.weights) - 1)])

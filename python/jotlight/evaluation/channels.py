@@ -93,7 +93,7 @@ def reconstruct_channels(
     out : ndarray of float32, optional
         As for :func:`jotlight.reconstruct`.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     network : ColorNetwork, optional
         Default: the shipped one for channels.
     precision : {"f32", "bf16"}, optional

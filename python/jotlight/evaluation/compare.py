@@ -117,7 +117,7 @@ def compare(
     rng : int, numpy.random.Generator, or None
         Seed of the bits.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     progress : bool or callable, optional
         Whether to show a progress bar, or a function that is called repeatedly with the completed
         fraction. Default: a bar in notebooks.

@@ -62,7 +62,7 @@ def with_one_response(
     method : str, Network, or callable, optional
         The method. Default: the recommended one.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
     keeps_maximum : bool
         Whether counts for iterative maximum likelihood always have the most likely intensities of
         the readings. Their information may differ.
@@ -106,7 +106,7 @@ def with_saturation(
     sensor : Sensor
         That sensor.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
     """
     saturated, unbounded = [], []
     for each in images.data:

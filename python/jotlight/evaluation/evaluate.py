@@ -170,7 +170,7 @@ def evaluate(
     rng : int
         Seed of the bits of the first image. Each further image uses the next integer.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     progress : bool or callable, optional
         Whether to show a progress bar; or a function that is called after each image with the
         completed fraction. Default: a bar in notebooks.

@@ -97,7 +97,7 @@ def held_out(
     out : ndarray of float32, optional
         An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------
@@ -150,7 +150,7 @@ def blend(
     network : Network
         The K-conditioned network of the blend.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

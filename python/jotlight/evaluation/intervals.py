@@ -45,7 +45,7 @@ def find_intervals(
     confidence_level : float
         Coverage of the intervals.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     results: list[Uncertainty] = []
     for part in images.parts(sensor):

@@ -179,7 +179,7 @@ def count_image(
     sensor : Sensor
         Their sensor, without its mosaic.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
     mosaic : Mosaic, optional
         The mosaic of the sensor.
 

@@ -163,7 +163,7 @@ def reconstruct(
         Array of the shape of the result, which receives the result and is returned. For large
         images, this saves the time to allocate memory. Default: a new array.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     fallback : bool
         Whether to blend a network with total variation and maximum likelihood, with the weights
         that make held-out bits most likely (:func:`jotlight.evaluation.held_out`). It helps in

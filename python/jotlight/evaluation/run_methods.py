@@ -89,7 +89,7 @@ def compare_methods(
     names : sequence of str
         Keys of `methods`.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     begin : callable, optional
         Called with the title of each method before it runs. If `begin` returns a function, an
         iterative method calls this function with its progress in [0, 1].

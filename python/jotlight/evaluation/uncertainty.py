@@ -104,7 +104,7 @@ def uncertainty(
         The precision of the products of a deep network whose estimate is computed, as for
         `jotlight.reconstruct`.
     threads : int, optional
-        The number of threads. Default: all cores.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

@@ -50,7 +50,7 @@ def smooth_affine(estimates: Array, information: Array, threads: int | None = No
     information : ndarray of float, shape (n, 6, 6)
         Information about them.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     if len(estimates) < _MIN_BLOCKS:
         return estimates.copy()

@@ -66,7 +66,7 @@ def align(
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion. "auto" selects the one that explains the bits best.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     progress : bool or callable, optional
         Whether to show a progress bar, or a function that is called repeatedly with the completed
         fraction. Default: a bar in notebooks.

@@ -50,7 +50,7 @@ class Blocks:
     valid : ndarray of uint8, shape (H, ceil(W / 8)), optional
         Packed mask of the jots that are counted.
     threads : int, optional
-        Number of threads.
+        The number of threads.
     channel : int, optional
         The channel that is counted. Default: the sum of all channels.
     jots : Jots, optional

@@ -101,7 +101,7 @@ class Gain:
     known: Image
     """Fraction of the bits for which it is known what would be there, (H, W)."""
     threads: int | None = None
-    """Number of threads. Default: all."""
+    """The number of threads. Default: the number of cores."""
 
     def net(self, pixels: Mask) -> float:
         """Return the gain of pixels in nats, without the cost of their outline."""

@@ -64,7 +64,7 @@ def motion_score(
     threshold : int
         q: the number of photons that make a jot report 1.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Notes
     -----

@@ -70,7 +70,7 @@ def film(
     upsample : {1, 2}
         2 for a grid of half pixels, as in :func:`jotlight.merge`.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Raises
     ------

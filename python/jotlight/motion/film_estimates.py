@@ -52,7 +52,7 @@ class FilmEstimates:
         The network. Default: the trained one that comes with jotlight. The gray network has its
         precision.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------

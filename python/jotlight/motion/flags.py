@@ -156,7 +156,7 @@ def flags_of_image(
     motion : Motion
         The motion.
     threads : int, optional
-        Number of threads.
+        The number of threads.
     unclear : ndarray of bool, shape (H, W)
         What :func:`unclear_pixels` returns.
     """

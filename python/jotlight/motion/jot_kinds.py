@@ -115,7 +115,7 @@ def join_kinds(merged: Sequence[Merged], sensor: Sensor, threads: int | None = N
     sensor : Sensor
         The sensor.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     if sensor.mosaic is None:
         return join_thresholds(merged, sensor, threads)

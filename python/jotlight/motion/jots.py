@@ -96,7 +96,7 @@ class Jots:
         fields, tile, times
             The motion, as for :func:`jotlight._engine.count_shifted`.
         threads : int, optional
-            Number of threads.
+            The number of threads.
         """
         seen = np.zeros_like(self.maps)
         engine.add_shifted_values(self.maps, fields, tile, times, seen, threads)

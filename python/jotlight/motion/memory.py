@@ -82,7 +82,7 @@ class Memory:
     window : int
         Number of frames of a window.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
 
     def __init__(self, window: int, threads: int | None = None) -> None:

@@ -81,7 +81,7 @@ def merge(
         integrates over 2 x 2 pixels of this grid, which K-conditioned networks take into account.
         Shifts by fractions of a pixel fill the grid. Where they do not, the trials are 0.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     progress : bool or callable, optional
         Whether to show a progress bar, or a function that is called repeatedly with the completed
         fraction. Default: a bar in notebooks.

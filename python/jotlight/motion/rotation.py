@@ -37,7 +37,7 @@ def find_rotation(
     line : ndarray of float, shape (m,)
         The velocities in rows and in columns, in pixels per frame.
     threads : int, optional
-        Number of threads.
+        The number of threads.
 
     Returns
     -------

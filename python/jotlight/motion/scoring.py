@@ -40,7 +40,7 @@ class Template:
     trials : ndarray of int32, shape (H, W)
         D_R.
     threads : int, optional
-        Number of threads of the functions that use the template.
+        The number of threads of the functions that use the template.
     lights : Lights, optional
         The light of the frames behind the template, if jots need several photons.
     """

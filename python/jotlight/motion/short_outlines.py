@@ -21,7 +21,7 @@ def shortest_outlines(
     length : float
         The cost of an outline per pixel of its length, above 0.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------

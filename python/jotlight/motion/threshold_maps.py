@@ -67,7 +67,7 @@ def join_thresholds(merged: Sequence[Merged], sensor: Sensor, threads: int | Non
     sensor : Sensor
         The sensor, with a map of thresholds.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     mean = partial(mean_map, merged)
     reference = reference_sensor(sensor)
@@ -112,7 +112,7 @@ def count_still(
     joined : Merged
         What :func:`join_thresholds` returns for them. Its flags and errors are kept.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     counts = data.sum() if isinstance(data, CountStack) else data
     near = Merging(joint_likelihood(counts, sensor, threads)).near_neighbors()

@@ -49,7 +49,7 @@ class VelocityScores:
         Distances in blocks of the pairs that are correlated, from 1 upward. Those of n or more have
         no pairs, and are left out.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Attributes
     ----------

@@ -125,7 +125,7 @@ def estimate_mosaic(
     mosaic : Mosaic
         The filters.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     sensor = counted.sensor
     start, planes = _read_mosaic(gray, counted, mosaic, threads)
@@ -168,7 +168,7 @@ def estimate_channels(
     channels : sequence of PixelCounts
         The counts of red, green, and blue, (H, W) each, of the same sensor.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     planes = _read_channels(gray, channels, threads)
     found = _run(network, planes, _local_trials(channels, threads), threads)

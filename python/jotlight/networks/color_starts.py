@@ -79,7 +79,7 @@ def start_of_channels(
     to_probability : callable
         The response of the sensor: P(b = 1) of an intensity.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Notes
     -----

@@ -91,7 +91,7 @@ def match_dark_regions(
     threshold : int
         The threshold q.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Examples
     --------

@@ -166,7 +166,7 @@ def denoise_dim(
     smallest : int
         The smallest K of the network.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     """
     each = [combine(*image, smallest) for image in zip(fractions, trials, strict=True)]
     dim = [part for part in each if part is not None]

@@ -170,7 +170,7 @@ class Prior:
     of_zeros : bool
         Whether the network estimates the probability of a zero, for bright sensors.
     threads : int, optional
-        Number of threads.
+        The number of threads.
     """
 
     network: ConditionalNetwork

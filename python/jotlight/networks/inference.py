@@ -80,7 +80,7 @@ class Inference:
     output: OutputImages
     """Where the intensities are written, (N, H, W)."""
     threads: int | None
-    """Number of threads. Default: all."""
+    """The number of threads. Default: the number of cores."""
 
     def run(self) -> Image:
         """Return the intensities in [0, S], (N, H, W): the images of `output`.

@@ -225,7 +225,7 @@ class Network(EngineBacked, TorchHints):
         out : ndarray of float32, optional
             Array of the shape of the result to write to and return. Default: a new one.
         threads : int, optional
-            Number of threads. Default: all.
+            The number of threads. Default: the number of cores.
 
         Returns
         -------

@@ -126,7 +126,7 @@ class PlanesNetwork(EngineBacked):
             The usual number of readings behind a pixel. Outside of the range of the network, the
             nearest parameters are used.
         threads : int, optional
-            Number of threads. Default: all.
+            The number of threads. Default: the number of cores.
         """
         return self.engine_network.improve(planes, trials, threads)
 

@@ -42,7 +42,7 @@ def denoise_map(
         Numbers of ones and of trials of each pixel. Pixels without trials get the value of their
         neighbors.
     threads : int, optional
-        Number of threads.
+        The number of threads.
     """
     known = trials > 0
     if not known.any():
@@ -74,6 +74,6 @@ def denoise_fractions(
     zeros : bool
         Whether the fractions are those of zeros, and the probabilities those of a zero.
     threads : int, optional
-        Number of threads.
+        The number of threads.
     """
     return network.engine_network.denoise(list(fractions), list(trials), zeros, threads)

@@ -259,7 +259,7 @@ class Bits(FrameSequence):
         out : ndarray of int32, optional
             An array of the shape of the result to write to and return. Default: a new one.
         threads : int, optional
-            The number of threads. Default: all.
+            The number of threads. Default: the number of cores.
         progress : bool or callable, optional
             Whether to show a progress bar, or a function that is called repeatedly with the
             completed fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.

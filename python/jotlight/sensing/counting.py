@@ -55,7 +55,7 @@ def count_ones(
     mask : ndarray of bool, shape (H, W) in jots, optional
         True marks jots that are not counted.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
     progress : callable, optional
         A function that is called repeatedly with the completed fraction, from 0 to 1.
     out : ndarray of int32, optional

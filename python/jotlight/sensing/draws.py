@@ -28,7 +28,7 @@ class Draw:
     window: Window
     """The frames, rows, and columns that are drawn."""
     threads: int | None
-    """The number of threads. Default: all."""
+    """The number of threads. Default: the number of cores."""
     progress: Callable[[float], object]
     """A function that receives the completed fraction."""
 

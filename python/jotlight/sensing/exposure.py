@@ -64,7 +64,7 @@ class Exposure(Parameters):
         out : ndarray of float32, optional
             An array of the shape of the result to write to and return. Default: a new one.
         threads : int, optional
-            The number of threads. Default: all.
+            The number of threads. Default: the number of cores.
 
         Returns
         -------
@@ -149,7 +149,7 @@ class Exposure(Parameters):
             The array for the packed bits, of the shape of ``Bits.packed``, after that of a stack.
             Readings of several bits, and bits with read noise, take none.
         threads : int, optional
-            The number of threads. Default: all.
+            The number of threads. Default: the number of cores.
         progress : bool or callable, optional
             Whether to show a progress bar, or a function that is called repeatedly with the
             completed fraction, from 0 to 1. None: a bar in a notebook only. Default: no bar.

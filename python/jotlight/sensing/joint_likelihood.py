@@ -166,7 +166,7 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
     sensor : Sensor
         The sensor of the data. A smooth kernel is treated as the box kernel.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Raises
     ------

@@ -46,7 +46,7 @@ class Likelihood(HasReadOnlyArrays):
     dark_counts : float or array_like of float
         d: the expected detections of each cell per bit without light, a number or a map.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Raises
     ------
@@ -102,7 +102,7 @@ class Likelihood(HasReadOnlyArrays):
 
     @property
     def threads(self) -> int | None:
-        """The number of threads, or None for all."""
+        """The number of threads, or None for the number of cores."""
         return self._threads
 
     def value(self, light: npt.ArrayLike) -> float:

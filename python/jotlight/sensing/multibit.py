@@ -38,7 +38,7 @@ def reading_probability(
     threshold : int
         q, for readings of one bit.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

@@ -141,7 +141,7 @@ def spread(
     gain : float
         α/T for the light s, or η α/T for the detected light.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------
@@ -217,7 +217,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
     shape : (H, W) or (N,)
         The shape of the image or signal.
     threads : int, optional
-        The number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------

@@ -182,7 +182,7 @@ class PatchLoader:
         shard : slice
             Which of the patches to return.
         threads : int
-            Number of threads of the simulation.
+            The number of threads of the simulation.
         """
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
         exposures, factors = self._draw_exposures(rng), self._draw_factors(rng)

@@ -34,7 +34,7 @@ class Cost:
     admissible : AdmissibleSet
         𝒜.
     threads : int or None
-        Number of threads. None: all.
+        The number of threads. Default: the number of cores.
     """
 
     def __init__(

@@ -98,7 +98,7 @@ def train(
         Whether to show a progress bar, or a function that is called with the completed fraction.
         Default: a bar in notebooks.
     threads : int, optional
-        Number of threads. Default: all.
+        The number of threads. Default: the number of cores.
 
     Returns
     -------
