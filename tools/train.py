@@ -117,7 +117,7 @@ NOTES = {
     "stage but one, 14 % (decision 51). The last two had the seeds 62 and 67. The parameters are "
     "rounded to float16.",
 }
-"""Notes on the training of the shipped networks that the stages do not show, by name without K."""
+"""Notes on the training of pretrained networks that the stages do not show, by name without K."""
 
 TWO_LAYER = [f"two-layer-k{bits}" for bits in TRAINED_TRIALS]
 TWO_LAYER_STEPS, TWO_LAYER_BATCH, TWO_LAYER_PATCH, TWO_LAYER_SEED = 60, 512, 64, 0

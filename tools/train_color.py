@@ -118,7 +118,7 @@ def color_source(data: Path, kind: Kind) -> PatchMixture:
 
 
 def score(data: Path, kind: Kind) -> str:
-    """Return the PSNR of the shipped network on validation photographs, as text."""
+    """Return the PSNR of the pretrained network on validation photographs, as text."""
     files = training_data.validation_files(data)
     images = [jl.read_image(path) for path in files if path.parent.name == "cid22"]
     images = [image[96:416, 96:416] for image in images if image.ndim == 3]

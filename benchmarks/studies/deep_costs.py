@@ -4,8 +4,8 @@
         [--learning-rate 1e-3] [--seed 5]
 
 DATA is the folder with the photographs of `tools/training_data.py`, and FILE a network to start
-from, by default the shipped medium. It takes the same steps with each cost. The error of z has the
-weight (dc/dz)² of the true intensity, so both costs agree for small errors. The table shows the
+from, by default the pretrained medium. It takes the same steps with each cost. The error of z has
+the weight (dc/dz)² of the true intensity, so both costs agree for small errors. The table shows the
 mean PSNR in dB of the middle of every third validation photograph, for one photon per jot and frame
 at intensity 1. It needs the extra `torch`.
 """

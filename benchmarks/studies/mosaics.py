@@ -221,7 +221,7 @@ def table(data: Path) -> None:
     """Print the table of RGGB: methods and demosaicing, K = 4, 16, and 64."""
     images = list(photographs(data, "gb82", 10))
     print("method, demosaicing: K = 4, 16, 64")
-    for pretrained.MOSAIC_ROTATIONS in (1, 4):  # at the end, the shipped number
+    for pretrained.MOSAIC_ROTATIONS in (1, 4):  # at the end, the default number
         row = [measure("RGGB", images, trials) for trials in (4, 16, 64)]
         rotations = pretrained.MOSAIC_ROTATIONS
         print(

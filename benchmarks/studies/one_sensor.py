@@ -2,10 +2,10 @@
 
     python benchmarks/studies/one_sensor.py BSDS300 [--quality medium] [--steps 2000]
 
-BSDS300 is the folder with `train` and `test`. For each sensor, the shipped K-conditioned network
+BSDS300 is the folder with `train` and `test`. For each sensor, the pretrained K-conditioned network
 is trained on with the readings of this sensor alone, and with the error of the intensities as the
-cost. So it has had more steps than the shipped one, which receives equivalent counts and never saw
-such a sensor. The table states the mean PSNR of both on the first test images.
+cost. So it has had more steps than the pretrained one, which receives equivalent counts and never
+saw such a sensor. The table states the mean PSNR of both on the first test images.
 """
 
 import argparse
@@ -57,13 +57,13 @@ def main() -> None:
     options = parser.parse_args()
     source = ImagePatches(read_image_set(options.images / "train")[1])
     tests = [each.astype(float) for each in read_image_set(options.images / "test")[1]]
-    print("| sensor | shipped | trained for this sensor alone | difference |")
+    print("| sensor | pretrained | trained for this sensor alone | difference |")
     print("| --- | --- | --- | --- |")
     for name, sensor in SENSORS.items():
         if options.sensors in name:
             trained = train(sensor, source, options.quality, options.steps, options.learning_rate)
-            shipped, own = measure(sensor, *trained, tests[: options.number], options.quality)
-            print(f"| {name} | {shipped:.2f} | {own:.2f} | {own - shipped:.2f} |", flush=True)
+            pretrained, own = measure(sensor, *trained, tests[: options.number], options.quality)
+            print(f"| {name} | {pretrained:.2f} | {own:.2f} | {own - pretrained:.2f} |", flush=True)
 
 
 def read_data(
@@ -86,7 +86,7 @@ def read_data(
 def train(
     sensor: jl.Sensor, source: ImagePatches, quality: str, steps: int, rate: float
 ) -> tuple[Network, int]:
-    """Return the shipped network after more steps on the readings of one sensor alone, and K."""
+    """Return the pretrained network after more steps on the readings of one sensor alone, and K."""
     module = Network(FOLDER / f"{quality}.safetensors")
     parameters = [each for each in module.parameters() if each.requires_grad]
     optimizer = torch.optim.Adam(parameters, rate)
@@ -127,16 +127,16 @@ def _split(image: torch.Tensor) -> torch.Tensor:
 def measure(
     sensor: jl.Sensor, module: Network, trials: int, images: list[np.ndarray], quality: str
 ) -> tuple[float, float]:
-    """Return the mean PSNR of the shipped network, and of that for the sensor alone."""
-    shipped, own = [], []
+    """Return the mean PSNR of the pretrained network, and of that for the sensor alone."""
+    pretrained, own = [], []
     plain = reference_sensor(sensor)
     for seed, image in enumerate(images):
         readings, data, _ = read_data(sensor, image, seed, trials)
-        shipped.append(psnr(image, jl.reconstruct(readings, quality=quality)))
+        pretrained.append(psnr(image, jl.reconstruct(readings, quality=quality)))
         with torch.no_grad():
             found = intensity_from_probability(module.run_layers(data, trials), plain)
         own.append(psnr(image, found[0, 0].numpy()))
-    return float(np.mean(shipped)), float(np.mean(own))
+    return float(np.mean(pretrained)), float(np.mean(own))
 
 
 if __name__ == "__main__":

@@ -30,8 +30,9 @@ class JotlightWarning(UserWarning):
 class PeriodicRatesWarning(JotlightWarning):
     """A warning about rates of jots that repeat, as under a color filter mosaic.
 
-    It is also that about data of a sensor with a mosaic that the caller takes for a gray one. Other
-    data are tested unless :meth:`jotlight.Sensor.expose` simulated them. If the sensor is gray:
+    jotlight also raises it if the sensor that the data carry has a mosaic, but the caller passes a
+    gray sensor. It tests all data except those of :meth:`jotlight.Sensor.expose`. If the sensor is
+    gray:
 
     >>> warnings.filterwarnings("ignore", category=PeriodicRatesWarning)
     """

@@ -34,7 +34,7 @@ class Figure(MatplotlibFigure):
     def thumbnail(self) -> bytes:
         """Return a small PNG of the figure, for the HTML of the object that it shows.
 
-        Images that compress badly give a smaller thumbnail.
+        Images that compress badly make a smaller thumbnail.
         """
         from PIL import Image
 

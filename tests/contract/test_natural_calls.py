@@ -232,7 +232,7 @@ def test_calls_that_cannot_work_say_what_to_write():
         (lambda: jl.save_film([IMAGE], "a.gif"), TypeError, r"save_film\(.*, images\), got list"),
         (lambda: jl.read_image(IMAGE), TypeError, r"read_image\(\"photo\.png\"\), got ndarray"),
         (lambda: jl.train([IMAGE], SENSOR), TypeError, r"jotlight\.train\(.*got list"),
-        (lambda: jl.Network.load("medium"), OSError, r"quality=medium .* shipped network"),
+        (lambda: jl.Network.load("medium"), OSError, r"quality=medium .* pretrained network"),
         (lambda: jl.find_hot_jots(BITS), AttributeError, r"jotlight\.calibration\.find_hot_jots"),
         (
             lambda: jl.Bits.from_array(np.zeros((2, 3, 9, 8), bool)),

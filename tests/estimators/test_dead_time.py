@@ -149,7 +149,7 @@ def test_corrected_counts_have_little_bias_where_uncorrected_ones_are_far_off():
         (lambda: PIXELS[0].mle([0.5]), "counts: expected whole numbers, got float64; cast"),
         (lambda: PIXELS[0].mle(np.full((3, 3), 7.0)), "got float64; cast rounded floats with ast"),
         (lambda: PIXELS[0].mle([-1]), "counts: expected whole numbers from 0 to 4, .* got -1$"),
-        (lambda: PIXELS[0].mean(-1.0), "light: expected photons per exposure time, 0 or more"),
+        (lambda: PIXELS[0].mean(-1.0), "light: expected photons per exposure time, >= 0"),
         (lambda: PIXELS[0].mean(-np.ones((9, 9))), r"got an array of float64 of shape \(9, 9\)$"),
         (lambda: jl.FreeRunning(dead_time=5e-8), "a fraction of the exposure time, so divide sec"),
         (lambda: jl.FreeRunning(dead_time=5e-8), r"n detections would be n / \(1 - n \* dead_time"),

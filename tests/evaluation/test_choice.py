@@ -21,7 +21,7 @@ CONDITIONAL = jl.Network.conditional("small", trials_range=(1, 64), rng=0)
 
 
 @pytest.mark.parametrize("sensor", [SENSOR, LARGE, CUBIC, MANY.replace(kernel="linear")])
-def test_the_default_is_the_shipped_network(sensor):
+def test_the_default_is_the_pretrained_network(sensor):
     choice = choose_method(sensor)
     assert (choice.method, choice.quality) == (DEFAULT_METHOD, "medium")
     assert choice.title == "network, medium"
@@ -43,7 +43,7 @@ def test_a_request_is_kept(name):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_fixed_range_is_that_of_the_shipped_network(name):
+def test_a_fixed_range_is_that_of_the_pretrained_network(name):
     sensor = jl.Sensor(frames=25)
     choice = choose_method(sensor, requested=name)
     network = jl.pretrained(sensor, choice.quality)

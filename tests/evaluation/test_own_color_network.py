@@ -16,7 +16,7 @@ def draw(mosaic, **parameters):
 
 
 @pytest.mark.parametrize(("mosaic", "file"), [("RGGB", MOSAIC_FILE), (None, CHANNELS_FILE)])
-def test_the_shipped_network_as_a_method_has_the_default_result(mosaic, file):
+def test_the_pretrained_network_as_a_method_has_the_default_result(mosaic, file):
     bits, out = draw(mosaic), np.empty(SCENE.shape, np.float32)
     network = pretrained_color(file)
     found, info = jl.reconstruct(bits, method=network, out=out, return_info=True)

@@ -1,4 +1,4 @@
-"""Every method and every shipped network on adversarial bits: a part of the sweep of `tools/`."""
+"""Every method and pretrained network on adversarial bits: a part of the sweep of `tools/`."""
 
 import itertools
 import re

@@ -31,7 +31,7 @@ def named(name):
         ("RGBW", "mle", None, []),
     ],
 )
-def test_weights_of_shipped_networks(mosaic, method, quality, files):
+def test_weights_of_pretrained_networks(mosaic, method, quality, files):
     found = weights_sha256(jl.Sensor(frames=16, mosaic=mosaic), method, quality)
     if len(files) == 2:
         assert found == sorted(map(file_checksum, files))

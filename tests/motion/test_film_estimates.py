@@ -210,7 +210,7 @@ def test_images_of_a_single_channel_are_those_of_gray_films_with_its_axis(shaken
 
 
 @pytest.mark.slow
-def test_the_shipped_network_is_better_where_motion_is_unknown():
+def test_the_pretrained_network_is_better_where_motion_is_unknown():
     scene, bits = burst("layers", frames=160, photons=0.2, shape=(96, 128))
     images = list(film(bits, window=64, step=16, model="affine", causal=True))
     network, rows = jl.pretrained(scene.sensor), []

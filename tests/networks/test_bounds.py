@@ -162,7 +162,7 @@ def test_a_tied_filter_weighs_all_bits_of_a_pixel(frames, tied):
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.safetensors")), ids=lambda path: path.stem)
-def test_the_values_of_shipped_networks_are_far_below_the_limit(path):
+def test_the_values_of_pretrained_networks_are_far_below_the_limit(path):
     of_planes = FilmNetwork if path == FILM_FILE else jl.ColorNetwork
     network = (of_planes if path in PLANES_FILES else jl.Network).load(path)
     assert max(high for _, high in network.engine_network.output_bounds) < 1e6

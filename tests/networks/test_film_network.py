@@ -71,7 +71,7 @@ def test_files_with_other_numbers_of_planes_are_refused(tmp_path, planes, messag
         FilmNetwork.load(path)
 
 
-def test_the_shipped_network_reads_the_last_image():
+def test_the_pretrained_network_reads_the_last_image():
     network, planes = pretrained_film(), planes_of((32, 32))
     found = network.estimate_probability(planes, 64)
     planes[6] += 0.1

@@ -24,7 +24,7 @@ def measure_prnu(
 
     The square of the excess of a jot has the mean (slope · PRNU)² + noise. So the sum of the
     squares without noise, divided by that of the squared slopes, is PRNU². Jots in the brightest
-    and the darkest parts reveal little, and their small slopes give them small weights.
+    and the darkest parts reveal little, and they have small weights by their small slopes.
 
     Parameters
     ----------

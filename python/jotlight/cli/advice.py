@@ -18,7 +18,7 @@ from jotlight.sensing.sensor import Sensor
 T = TypeVar("T")
 
 _DIM = 0.7
-"""Brightness of a scene below which the shipped networks lose quality."""
+"""Brightness of a scene below which the pretrained networks lose quality."""
 
 
 def range_advice(choice: Choice, maximum: float, brightness: float) -> str | None:
@@ -35,8 +35,8 @@ def range_advice(choice: Choice, maximum: float, brightness: float) -> str | Non
     """
     if (remark := clipping_of(choice, maximum)) is not None:
         return remark
-    is_shipped = choice.quality is not None
-    if is_shipped and choice.has_fixed_range and brightness < _DIM:
+    is_pretrained = choice.quality is not None
+    if is_pretrained and choice.has_fixed_range and brightness < _DIM:
         return (
             f"the network {choice.quality} is for scenes with a brightness of 1, and the "
             f"brightness of this scene is {brightness:.2g}; --quality {DEFAULT_SIZE} is for "

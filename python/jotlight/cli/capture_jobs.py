@@ -190,7 +190,7 @@ def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
     if isinstance(job.method, ColorNetwork):
         raise ValueError(
             f"{inputs.method.model}: a color network reconstructs each capture by itself, as "
-            "a whole; leave out --model for the shipped one"
+            "a whole; leave out --model for the pretrained one"
         )
     return None if inputs.method.model is None or isinstance(job.method, str) else job.method
 

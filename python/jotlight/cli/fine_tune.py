@@ -148,7 +148,7 @@ def _start(path: Path | None, quality: str | None, sensor: Sensor) -> tuple[Netw
         network, origin = Network.load(path), str(path)
     else:
         quality = quality or DEFAULT_SIZE
-        network, origin = pretrained(sensor, quality), "the one that ships with jotlight"
+        network, origin = pretrained(sensor, quality), "the pretrained one"
     return network, describe_kind(network, quality), origin
 
 

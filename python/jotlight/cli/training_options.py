@@ -86,8 +86,7 @@ class FineTuningOptions(TrainingOptions):
     start: Annotated[
         Path | None,
         Parameter(
-            help="A network to start from. Default: the network that ships with jotlight, of the "
-            "size --quality."
+            help="A network to start from. Default: the pretrained network, of the size --quality."
         ),
     ] = None
     steps: Annotated[int | None, Parameter(help="Number of steps. Default: 500.")] = None

@@ -44,7 +44,7 @@ class Estimator:
     method: str
     """Key of :data:`METHODS`, :data:`OWN_NETWORK`, or :data:`COLOR_NETWORK`."""
     quality: str | None = None
-    """Size of a shipped network, which each process reads from its own installation."""
+    """Size of a pretrained network, which each process reads from its own installation."""
     network: Network | None = None
     """Network of the caller."""
     options: tuple[tuple[str, Any], ...] = ()
@@ -75,7 +75,7 @@ class Estimator:
     def _network(self) -> Network | None:
         network = self.network
         if self.quality is not None:
-            network = _shipped(self.sensor, self.quality, is_conditional=self.fallback)
+            network = _pretrained(self.sensor, self.quality, is_conditional=self.fallback)
         if network is None or self.precision is None:
             return network
         return network.with_precision(self.precision)
@@ -181,7 +181,7 @@ class Estimator:
 
 
 @functools.lru_cache(_KEPT)
-def _shipped(sensor: Sensor, quality: str, *, is_conditional: bool) -> Network:
+def _pretrained(sensor: Sensor, quality: str, *, is_conditional: bool) -> Network:
     return (pretrained_conditional if is_conditional else pretrained)(sensor, quality)
 
 
@@ -230,7 +230,7 @@ def choose_estimator(
     if method is not None and not isinstance(method, str):
         raise TypeError(
             "method: expected the name of a method, or a network for gray images, got "
-            f"{method!r}; the shipped color network is the default for colors"
+            f"{method!r}; the pretrained color network is the default for colors"
         )
     requested = named_method(method, quality, options)
     check_demosaicing(demosaicing, sensor)

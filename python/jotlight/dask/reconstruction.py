@@ -53,7 +53,7 @@ def reconstruct(
         method for the sensor, which is the color network for a mosaic and for three channels, as in
         :func:`jotlight.reconstruct`.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
-        Size of a shipped network, in place of a method.
+        Size of a pretrained network, in place of a method.
     demosaicing : {"network", "menon", "differences"}, optional
         For a sensor with a mosaic: how planes become colors, as in :func:`jotlight.reconstruct`.
     precision : {"f32", "bf16"}, optional

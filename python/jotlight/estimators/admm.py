@@ -140,9 +140,9 @@ def admm_tv(
 
     Notes
     -----
-    The alternating direction method of multipliers splits A c = s, D c = v and, where the cells
+    The alternating direction method of multipliers splits A c = x, D c = v and, where the cells
     are jots, c = w in [0, S] (Chan and Lu 2014). The residuals and the stopping rule follow Boyd et
-    al. (2011), section 3.3. The adjustment of the penalties follows Wohlberg (2017). The step in s
+    al. (2011), section 3.3. The adjustment of the penalties follows Wohlberg (2017). The step in x
     solves a scalar problem for each cell. The step in v is a shrinkage. The step in c is diagonal
     in the cosine basis. It requires a few steps of conjugate gradients only if K̂ and the degree of
     the kernel are both odd.

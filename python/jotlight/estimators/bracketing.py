@@ -126,8 +126,8 @@ def plan_brackets(
     Single frames then move to other settings while this raises the minimum.
 
     The bound alone would promise too much: a few nearly saturated frames have much information, but
-    only in the rare readings that are not the largest one. The SNR alone would praise saturated
-    pixels, whose estimates are clipped near their light.
+    only in their few zeros. The SNR alone would praise saturated pixels, whose estimates are
+    clipped near their light.
 
     The SNR is that of a statistic close to the estimate
     (:mod:`jotlight.estimators.planned_estimates`). It differs from that of `jotlight.mle` by up to

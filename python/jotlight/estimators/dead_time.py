@@ -329,9 +329,7 @@ class FreeRunning:
     def _rate(self, light: npt.ArrayLike) -> Array:
         levels = np.asarray(to_array("light", light), np.float64)
         if not (levels >= 0).all():
-            raise ValueError(
-                f"light: expected photons per exposure time, 0 or more, got {shown(light)}"
-            )
+            raise ValueError(f"light: expected photons per exposure time, >= 0, got {shown(light)}")
         # Infinite light, the upper end of an interval, has the limits of all sums.
         return np.minimum(self.efficiency * levels + self.dark_counts, _SATURATED_RATE)
 

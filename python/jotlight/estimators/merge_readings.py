@@ -35,7 +35,7 @@ def merge_readings(
     Readings with different gains or thresholds, such as a bracket of exposures, become counts of a
     reference sensor: real numbers of trials, and whole numbers of ones. The likelihood of a pixel
     has the same maximum as that of all its readings, and the same information there. All methods
-    and K-conditioned networks take the result.
+    and all tied networks accept the result.
 
     Parameters
     ----------

@@ -116,13 +116,14 @@ def mle_iterative(
         The axis of counts that holds color channels. Default: none, and axes before the last two
         are those of a stack.
     start : array_like of float, optional
-        The initial image, of the shape of the estimate. Default: the same intensity everywhere.
+        The initial image, of the shape of the estimate. Default: one intensity, except for pixels
+        whose bits are all 0 or all 1, and for those that need more light.
     max_iter : int
         The maximum number of iterations, at least 1.
     tol : float
         The run ends when the projected-gradient step ``c - proj(c - ∇/h)`` moves no pixel by more
-        than `tol` times S, or ten times the mean intensity if that is smaller. Here h is an upper
-        bound of the curvature for each pixel. The step is 0 only at the maximum.
+        than `tol` times the smaller of S and ten times the intensity of the best constant image.
+        Here h is an upper bound of the curvature for each pixel. The step is 0 only at the maximum.
     callback : callable, optional
         A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
         iteration of each image. It ends the run of the image by raising StopIteration.

@@ -95,7 +95,7 @@ def reconstruct_channels(
     threads : int, optional
         The number of threads. Default: the number of cores.
     network : ColorNetwork, optional
-        Default: the shipped one for channels.
+        Default: the pretrained one for channels.
     precision : {"f32", "bf16"}, optional
         Precision of the networks. Default: that of the color network.
 

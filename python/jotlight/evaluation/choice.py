@@ -93,7 +93,7 @@ class Choice:
     """Key of :data:`METHODS`, :data:`OWN_NETWORK`, :data:`COLOR_NETWORK`, or
     :data:`FILM_NETWORK`."""
     quality: str | None
-    """Size of the shipped network to load, or None for other methods."""
+    """Size of the pretrained network to load, or None for other methods."""
     max_intensity: float
     """Largest intensity S of the estimate."""
     has_fixed_range: bool
@@ -231,7 +231,7 @@ def check_fallback(
     method : str
         Name of the method.
     quality : str, optional
-        Size of the method's network, if it is a shipped one.
+        Size of the method's network, if it is a pretrained one.
     network : Network, optional
         Network of the caller.
 
@@ -292,7 +292,7 @@ def named_method(method: object, quality: str | None, options: dict[str, Any]) -
         return name
     if method is not None:
         raise ValueError(
-            f"quality: selects a shipped network, but method is {method!r}; leave out one of them"
+            f"quality: selects a pretrained network, but method is {method!r}; leave out one"
         )
     name = network_name(quality)
     check_options(name, options)
@@ -300,7 +300,7 @@ def named_method(method: object, quality: str | None, options: dict[str, Any]) -
 
 
 def network_name(quality: str) -> str:
-    """Return the name of the method that runs the shipped network of a size.
+    """Return the name of the method that runs the pretrained network of a size.
 
     Examples
     --------
@@ -325,7 +325,7 @@ def check_precision_of(
     method : str
         Name of the method, or what estimates the image.
     quality : str, optional
-        Size of the method's network, if it is a shipped one.
+        Size of the method's network, if it is a pretrained one.
     fallback : bool
         Whether the network falls back to other methods.
 

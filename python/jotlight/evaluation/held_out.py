@@ -74,11 +74,11 @@ def held_out(
     """Return the blend of network, total variation, and maximum likelihood that suits the data.
 
     With many trials, the pixels say more than any prior, and the best method depends on the scene.
-    A fifth of the bits of each pixel, chosen at random, is held out. The shipped network "medium",
-    :func:`jotlight.admm_tv`, and :func:`jotlight.mle` estimate the image from the others. The
-    weights of these three are those under which the held-out bits are most likely, for up to eight
-    regions of different brightness. The result is the weighted sum of the three estimates from all
-    bits. Between the mean brightnesses of the regions, the weights are interpolated by the
+    A fifth of the bits of each pixel, chosen at random, is held out. The pretrained network
+    "medium", :func:`jotlight.admm_tv`, and :func:`jotlight.mle` estimate the image from the others.
+    The weights of these three are those under which the held-out bits are most likely, for up to
+    eight regions of different brightness. The result is the weighted sum of the three estimates
+    from all bits. Between the mean brightnesses of the regions, the weights are interpolated by the
     brightness of a pixel.
 
     Parameters

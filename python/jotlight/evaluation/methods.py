@@ -58,7 +58,7 @@ def trained_network(
     out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Return the estimate of the network that ships with jotlight for this sensor."""
+    """Return the estimate of the pretrained network for this sensor."""
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
     network = pretrained(sensor, quality)
     return network.reconstruct(gray_images(data), sensor, out=out, threads=threads)
@@ -82,7 +82,7 @@ class Method:
     run: Run
     """``run(data, sensor, *, out, threads)`` returns the estimate."""
     quality: str | None = None
-    """Size of the shipped network, or None for other methods."""
+    """Size of the pretrained network, or None for other methods."""
     required_package: str | None = None
     """Package that must be installed in addition to jotlight's own dependencies."""
     unsupported_reason: Callable[[Sensor], str | None] = lambda _: None
@@ -127,7 +127,7 @@ def _noniterative(title: str, denoiser: str, required_package: str | None = None
     return Method(f"non-iterative, {title}", run, required_package=required_package)
 
 
-def _shipped_network(size: str) -> Method:
+def _pretrained_network(size: str) -> Method:
     return Method(f"network, {size}", partial(trained_network, quality=size), quality=size)
 
 
@@ -149,7 +149,7 @@ METHODS: dict[str, Method] = {
         unsupported_reason=_deconvolution_reason,
     ),
     "network-initial": Method("network, initial", initial_network),
-    **{f"network-{size}": _shipped_network(size) for size in QUALITIES},
+    **{f"network-{size}": _pretrained_network(size) for size in QUALITIES},
     "held-out": Method(
         "best blend on held-out bits",
         held_out,

@@ -71,7 +71,7 @@ def reconstruct_mosaic(
         Their sensor, with a mosaic.
     estimate : callable or ColorNetwork, optional
         ``estimate(planes, sensor)`` returns the estimates of gray planes, (N, h, w), and how they
-        were made. A color network estimates colors. Default: the shipped color network.
+        were made. A color network estimates colors. Default: the pretrained color network.
     trials, channel_axis, out, threads
         As of :func:`jotlight.reconstruct`.
     demosaicing : {"menon", "differences"}, optional
@@ -138,7 +138,7 @@ def _by_color_network(
     precision: str | None,
     threads: int | None,
 ) -> tuple[list[Image], Info]:
-    """Return the colors of each image by the caller's color network, or by the shipped one.
+    """Return the colors of each image by the caller's color network, or by the pretrained one.
 
     How they were made is without its time.
     """

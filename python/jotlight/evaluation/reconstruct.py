@@ -139,7 +139,7 @@ def reconstruct(
         trials per pixel, and the color network for three channels, or a mosaic, of up to 1,000
         trials per pixel. Your own color network takes the same data as that one.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
-        Size of the shipped network to use, in place of a method.
+        Size of the pretrained network to use, in place of a method.
     trials : float or array_like of float, optional
         Number of binary readings behind each pixel of counts: a number, or a map of their shape.
         Default: the sensor's K.
@@ -277,7 +277,7 @@ def _by_function(
     if request.fallback:
         raise ValueError(f"fallback: is for networks, but method is {function!r}")
     if request.quality is not None:
-        raise ValueError(f"quality: selects a shipped network, but method is {function!r}")
+        raise ValueError(f"quality: selects a pretrained network, but method is {function!r}")
     check_precision_of(request.precision, "a function")
     output = output_of(gray_images(data), sensor, out)
     estimate = output.deliver(run_own(function, data, sensor, request.threads, request.options))

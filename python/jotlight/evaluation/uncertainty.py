@@ -55,7 +55,7 @@ EXACT_METHOD = "mle"
 """Name of the method whose intervals are exact."""
 
 _MEASURED_SIZES = DEFAULT_SIZE, "large", "extra-large"
-"""Sizes of shipped networks whose errors are as large as those of the error model."""
+"""Sizes of pretrained networks whose errors are as large as those of the error model."""
 
 
 def uncertainty(
@@ -84,7 +84,7 @@ def uncertainty(
     method : str, Network, or callable, optional
         The method of the estimate, as for `jotlight.reconstruct`, with the same default.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
-        The size of a shipped network, in place of a method.
+        The size of a pretrained network, in place of a method.
     estimate : array_like of float, optional
         The method's estimate in units of intensity, if it is known. Default: it is computed. The
         intervals of "mle" depend on the data alone.

@@ -64,7 +64,7 @@ def methods_with(
 
         runs["noniterative-bm3d"] = exact
         runs[ALGEBRAIC] = algebraic
-    runs[TWO_LAYER_METHOD] = network.reconstruct  # in the place of the shipped one, if any
+    runs[TWO_LAYER_METHOD] = network.reconstruct  # in the place of the pretrained one, if any
     for name in own:
         runs[name] = partial(reconstruct, method=import_method(name))
     return runs

@@ -100,7 +100,7 @@ def _sort_by_number(path: Path, files: list[Path]) -> list[Path]:
 
 
 def _file_name(index: int) -> str:
-    """Return the path that the camera's software gives to the file with an index."""
+    """Return the path that the camera's software writes the file with an index to."""
     return f"{index // 2048}/{index // 64}/filename{index}.bin"
 
 

@@ -41,7 +41,7 @@ class FilmEstimates:
     The network corrects the estimates of the gray network "large" where a scene moves, unless some
     pixels have far more trials than others, as in brackets with a wide range of light. It reads the
     counts of a window, those of the quarter and the sixteenth of its frames that are nearest to the
-    time of the image, those of the four sixteenths that come next, and its own last image. It reads
+    time of the image, those of the four sixteenths next to it, and its own last image. It reads
     the last image only if the window contains its time: if the step is at most half of the window,
     or shorter than the window in a causal film. The network that comes with jotlight was trained
     for windows of 64 to 256 frames.

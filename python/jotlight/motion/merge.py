@@ -89,11 +89,12 @@ def merge(
     Returns
     -------
     Merged
-        Counts of pixels, which all methods and networks accept in place of bits. Behind a mosaic of
-        ideal filters R, G, and B, they are color counts, (H, W, 3): along a motion, each pixel of
-        the image is seen through all filters. If the scene stands still (model "none"),
-        reconstruct the bits instead. Of brackets, of maps of thresholds, and of readings of several
-        bits, they are equivalent counts.
+        Counts of pixels, which all methods and all tied networks accept in place of bits. Only
+        K-conditioned networks accept those of a finer grid. Behind a mosaic of ideal filters R, G,
+        and B, they are color counts, (H, W, 3): along a motion, each pixel of the image is seen
+        through all filters. If the scene stands still (model "none"), reconstruct the bits instead.
+        Of brackets, of maps of thresholds, and of readings of several bits, they are equivalent
+        counts.
 
     Raises
     ------

@@ -44,7 +44,7 @@ EXTRA_LARGE = "extra-large"
 """Name of "large" with its output averaged over four rotations of the data."""
 
 QUALITIES = *SIZES, EXTRA_LARGE
-"""All shipped qualities, from the fastest to the best."""
+"""All pretrained qualities, from the fastest to the best."""
 
 _START_SIGMA, _START_TAPS = 1.2, 7
 """Gaussian that smooths the counts of a residual network: standard deviation, taps per side."""

@@ -144,7 +144,7 @@ def read_network(
             low, high = map(operator.index, trials_range)
             trials_range = low, high
         options = {"trials_range": trials_range}
-        # The files of most shipped networks were written before this number existed.
+        # The files of most pretrained networks were written before this number existed.
         options["rotations"] = json.loads(metadata.get("rotations", "1"))
         return make(layers, sensor, json.loads(metadata["history"]), **options)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
@@ -158,7 +158,7 @@ def _network_file(path: str | os.PathLike[str]) -> Path:
         is_size = str(path) in QUALITIES
         raise FileNotFoundError(
             f"there is no network file {path}"
-            + (f"; quality={path} (--quality {path}) selects the shipped network" * is_size)
+            + (f"; quality={path} (--quality {path}) selects the pretrained network" * is_size)
         )
     return path
 

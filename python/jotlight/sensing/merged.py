@@ -41,7 +41,8 @@ _TOLERANCE = 1e-5
 class Merged(HasReadOnlyArrays):
     """Counts of pixels with different numbers of trials, such as bits merged along a motion.
 
-    All methods and all tied networks accept it in place of counts.
+    All methods and all tied networks accept merged counts. Only K-conditioned networks accept those
+    of a finer grid.
 
     Parameters
     ----------
@@ -62,8 +63,9 @@ class Merged(HasReadOnlyArrays):
     acceptance : array_like of shape (H, W), optional
         The fraction of the bits along the motion that were counted, in [0, 1].
     posterior_error : array_like of shape (H, W), optional
-        The standard deviation of the displacement, 0 or more: in jots, or in pixels of a finer
-        grid.
+        How well the bits near a pixel determine the displacement: its standard deviation by one
+        tile and one block alone, 0 or more, in jots, or in pixels of a finer grid. The true error
+        is smaller.
     flags : array_like of bool, shape (H, W), optional
         True marks a pixel that is not to be trusted.
     channel_axis : int, optional

@@ -100,7 +100,7 @@ def fine_tune(
     learning_rate : float
         Largest learning rate: about the largest change of a parameter per step.
     rng : int, optional
-        Seed. The same seed and number of threads give the same network. Default: a fresh one,
+        Seed. The same seed and number of threads lead to the same network. Default: a fresh one,
         or that of the run to resume.
     checkpoint, resume, callback, progress, device, threads
         As for :func:`jotlight.torch.train`.

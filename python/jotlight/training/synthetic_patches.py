@@ -27,8 +27,9 @@ _Canvas = npt.NDArray[np.float32]
 class SyntheticPatches(PatchSource):
     """Random drawings with intensities in [0, 1], which teach a network structure.
 
-    A part of them are fine drawings. Of the others, one in seven each shows a flat region or a
-    gradient, a grating, rings, overlapping disks, overlapping rectangles, lines, and text.
+    The fraction `fine` of them are fine drawings, by default none. Of the others, one in seven each
+    shows a flat region or a gradient, a grating, rings, overlapping disks, overlapping rectangles,
+    lines, and text.
 
     Parameters
     ----------

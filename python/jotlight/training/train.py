@@ -71,7 +71,7 @@ def train(
         Number of steps. Default: the optimizer's `steps`.
     seconds : float, optional
         Time limit. The run ends before the step that would exceed it, but not before the first.
-        The number of steps then depends on the machine; the same number of steps gives the same
+        The number of steps then depends on the machine; the same number of steps leads to the same
         network. Default: no limit.
     batch : int, optional
         Number of patches per step. Default: the number that fills 2^20 pixels for Gauss-Newton, and
@@ -79,8 +79,8 @@ def train(
     patch : int, optional
         Height and width of a patch. Default: 64, or the side of the smallest image.
     rng : int, optional
-        Seed of patches and bits. The same seed gives the same network on one machine, bit for bit,
-        for any number of threads. Default: a fresh one, or that of the run to resume.
+        Seed of patches and bits. The same seed leads to the same network on one machine, bit for
+        bit, for any number of threads. Default: a fresh one, or that of the run to resume.
     test : array or sequence of arrays, optional
         Test images. Their mean PSNR, for a peak of 1, is measured 100 to 200 times in a run, or in
         each of fewer than 100 steps, on whole images and always with the same bits.

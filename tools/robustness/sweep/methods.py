@@ -1,4 +1,4 @@
-"""The methods of the sweep: each of jotlight's with its options, and each shipped network."""
+"""The methods of the sweep: each of jotlight's with its options, and each pretrained network."""
 
 import dataclasses
 from collections.abc import Callable
@@ -27,7 +27,7 @@ class SweptMethod:
 
     run: Run
     network: str | None = None
-    """Name of the shipped network, without ending; None for other methods."""
+    """Name of the pretrained network, without ending; None for other methods."""
     stride: int = 1
     """The method runs on every case whose number is a multiple of this prime number."""
 
@@ -41,7 +41,7 @@ class SweptMethod:
 
 @cache
 def load(name: str) -> jl.Network:
-    """Return a shipped network."""
+    """Return a pretrained network."""
     return jl.Network.load(FOLDER / f"{name}.safetensors")
 
 

@@ -10,7 +10,7 @@ TITLE = "## Extreme bits, exposures, and shapes"
 
 SECTION = """{title}
 
-Every method with all of its options, and every network that was shipped at the time, ran on
+Every method with all of its options, and every pretrained network of that time, ran on
 {patterns} patterns of bits:
 {pattern_names}. A violation is a value that is not finite or outside [0, S], another shape or type,
 a warning, or any exception. A network may refuse a sensor that it was not trained for, with a
@@ -72,14 +72,14 @@ def build_section(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _changes_since(names: set[str]) -> str:
-    """Return which methods the run does not contain, and which networks are no longer shipped."""
-    shipped = set(build_methods())
-    former = {name for name in names - shipped if name.startswith("network ")}
+    """Return which methods the run does not contain, and which networks jotlight no longer has."""
+    present = set(build_methods())
+    former = {name for name in names - present if name.startswith("network ")}
     sentences = [
         f"{text}: {', '.join(name.removeprefix('network ') for name in sorted(found))}."
         for text, found in (
-            ("Methods and networks that were added after this run", shipped - names),
-            ("Networks of this run that are no longer shipped", former),
+            ("Methods and networks that were added after this run", present - names),
+            ("Networks of this run that jotlight no longer has", former),
         )
         if found
     ]
