@@ -59,7 +59,7 @@ def test_every_claim_of_section_4_has_a_row_with_a_verdict(words):
     page = (RESULTS / "reproduction.md").read_text("utf-8")
     rows = [line for line in page.splitlines() if line.startswith("| ") and words in line]
     assert len(rows) == 1
-    said, found, verdict = (cell.strip() for cell in re.split(r"(?<!\\)\|", rows[0])[1:4])
+    said, verdict, found = (cell.strip() for cell in re.split(r"(?<!\\)\|", rows[0])[1:4])
     assert words in said
     assert re.search(r"\d", found)
     assert verdict.split(" (")[0] in ("reproduced", "better", "in part", "not reproduced")

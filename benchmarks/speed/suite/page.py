@@ -115,7 +115,9 @@ def method_sections(run: dict[str, Any]) -> list[Section]:
             "Which method to use",
             "Larger networks are slower and make better images. The PSNR of the networks is in "
             "[their results](networks.md); the PSNR of every method on the paper's images is "
-            "in [the reproduction](reproduction.md#which-method-to-pick).",
+            "in [the reproduction](reproduction.md#which-method-to-pick). The row *changed since* "
+            "is that of a method whose time changed after the measurement, and was not measured "
+            "since. [Methods](../guide/methods.md) says when to use all others.",
             tables=[table],
         )
     ]
@@ -130,8 +132,8 @@ def thread_section(run: dict[str, Any]) -> Section:
         "Threads",
         "More threads help large images and long captures most, because a short task ends before "
         "all threads have started. The last three columns show what the machine allows: "
-        "multiply-adds in registers, reading from memory, and as many multiply-adds as take one "
-        "thread the time of the task. The system may run two threads on the same core for some "
+        "multiply-adds in registers, reading from memory, and a number of multiply-adds that takes "
+        "one thread as long as the task. The system may run two threads on the same core for some "
         "milliseconds, above all on a virtual machine; the measurement moves all threads between "
         "cores, which makes this frequent.",
         tables=[thread_table(run)],

@@ -4,6 +4,7 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
+from jotlight.experiments.report.changes import row_title
 from jotlight.experiments.report.content import Column, Table, Value, format_significant
 from suite.comparisons import comparisons
 from suite.derived import (
@@ -28,15 +29,18 @@ NETWORK_USES = {
     "network-two-layer": "video and previews",
     "network-small": "better images within a few milliseconds",
     "network-medium": "most images; it serves any exposure and any number of trials per pixel",
-    "network-large": "the best images",
+    "network-large": "better images than those of medium",
 }
 """When to use each network, by the name of its task."""
 
 RIVAL_USES = {
-    TV: "scenes unlike photographs, and results without training",
+    TV: "results without training",
     BM3D: "comparison with the literature; its package is for non-commercial use",
 }
 """When to use the non-iterative methods, by their name in the task of the two-layer network."""
+
+METHODS = {TV: "noniterative-tv", BM3D: "noniterative-bm3d"}
+"""Their names in jotlight."""
 
 
 def comparison_table(run: dict[str, Any]) -> Table:
@@ -63,8 +67,9 @@ def comparison_table(run: dict[str, Any]) -> Table:
 def method_table(run: dict[str, Any]) -> Table | None:
     """Return the time of each method for one image, or None if no network was measured."""
     tasks = {task["name"]: task for task in run["tasks"]}
+    date = run["machine"]["date"]
     found = [
-        (tasks[name]["title"], tasks[name], "jotlight", use)
+        (row_title(tasks[name]["title"], name, date, only_time=True), tasks[name], "jotlight", use)
         for name, use in NETWORK_USES.items()
         if name in tasks
     ]
@@ -73,7 +78,12 @@ def method_table(run: dict[str, Any]) -> Table | None:
     two_layer = tasks.get("network-two-layer")
     if two_layer:
         found += [
-            (name[0].upper() + name[1:], two_layer, name, use)
+            (
+                row_title(name[0].upper() + name[1:], METHODS[name], date, only_time=True),
+                two_layer,
+                name,
+                use,
+            )
             for name, use in RIVAL_USES.items()
             if name in two_layer["seconds"]["1"]
         ]

@@ -52,7 +52,7 @@ def test_markdown_has_claims_figures_tables_and_notes():
     )
     page = render_markdown(Report("Title", "Introduction.", [("name", "value")], [section]))
     assert page.startswith("# Title\n\nIntroduction.\n\n- name: value\n")
-    assert "| says | finds | in part ([part](#part-1-a--b)) | because |" in page
+    assert "| says | in part ([part](#part-1-a--b)) | finds | because |" in page
     assert "Text. `command`, [part.csv](part.csv)." in page
     assert "![A curve](folder/curve.svg)" in page
     assert "| x | y |\n| --- | ---: |\n| a\\|b | **1.00** |" in page

@@ -22,7 +22,7 @@ def render_markdown(report: Report) -> str:
     claims = [(section, claim) for section in report.sections for claim in section.claims]
     if claims:
         lines += ["", "## Claim by claim", ""]
-        lines += ["| the paper | here | verdict | why |", "| --- | --- | --- | --- |"]
+        lines += ["| the paper | verdict | here | why |", "| --- | --- | --- | --- |"]
         lines += [_claim_row(section, claim) for section, claim in claims]
     for section in report.sections:
         lines += ["", *_section(section)]
@@ -31,7 +31,7 @@ def render_markdown(report: Report) -> str:
 
 def _claim_row(section: Section, claim: Claim) -> str:
     verdict = f"{claim.verdict} ([{section.name}](#{heading_anchor(section.title)}))"
-    return _row([claim.statement, claim.result, verdict, claim.reason])
+    return _row([claim.statement, verdict, claim.result, claim.reason])
 
 
 def _section(section: Section) -> list[str]:

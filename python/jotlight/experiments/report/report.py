@@ -27,10 +27,10 @@ INTRODUCTION = (
     "binary sensing image reconstruction algorithms” with measurements of jotlight. The paper "
     "claims that a network of two linear filters and two splines, trained from the classical "
     "pipeline, is as good as the best denoisers in a fifth of their time. The first table lists "
-    "the claims; the sections after it describe the experiments, each with the command that "
-    "repeats it. The paper does not say which σ in [0.25, 1] its initial filter has, and the "
-    "results depend on it. The verdict “in part” means that a claim holds for some of the σ "
-    "shown here. No verdict rests on the one σ that suits the claim best."
+    "the claims, and each section below has the command that repeats it. σ is the standard "
+    "deviation of the Gaussian h2 with which this network starts. The paper says only that it is "
+    "in [0.25, 1], and the results depend on it. “In part” means that a claim holds for some of "
+    "the σ shown here. No verdict rests on the one σ that suits the claim best."
 )
 
 
@@ -48,7 +48,7 @@ def build_report(results: dict[str, Results], facts: dict[str, Facts]) -> Report
     if dates and (changes := changes_since(dates[0])):
         text += f" {changes}"
     makers: dict[str, Callable[[], Section | None]] = {
-        "overview": partial(overview_section, results),
+        "overview": partial(overview_section, results, dates[0] if dates else ""),
         **{name: partial(EXPERIMENTS[name].section, results[name]) for name in names},
     }
     sections = []
