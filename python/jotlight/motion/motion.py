@@ -203,6 +203,16 @@ class Motion(HasReadOnlyArrays):
         ------
         ValueError
             When the time is not one finite number.
+
+        Examples
+        --------
+        >>> nodes = np.zeros((1, 2, 2, 1, 1), np.float32)
+        >>> nodes[0, 1] = 3
+        >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
+        >>> labels = np.zeros((16, 16), np.uint8)
+        >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
+        >>> motion.at(2.0)[:, 4, 4].tolist()
+        [1.0, 1.0]
         """
         return choose(self.labels, [interpolate(nodes, self.size) for nodes in self.nodes_at(time)])
 

@@ -169,7 +169,15 @@ class Readings(FrameSequence):
         return part.astype(np.uint16, copy=False)
 
     def to_array(self) -> npt.NDArray[np.uint16]:
-        """Return all readings as an array, (T, H, W) or (T, H, W, C)."""
+        """Return all readings as an array, (T, H, W) or (T, H, W, C).
+
+        Examples
+        --------
+        >>> from jotlight.sensing.sensor import Sensor
+        >>> sensor = Sensor(frames=3, gain=6.0, bit_depth=4)
+        >>> sensor.expose(np.full((5, 13), 0.5), rng=0).to_array().shape
+        (3, 5, 13)
+        """
         return self.read(0, len(self))
 
     def __array__(
