@@ -1,8 +1,8 @@
-"""Equivalent counts: those that the reference jot would have instead of the jots that were seen.
+"""Equivalent counts: those that the median jot would have instead of the jots that were seen.
 
 The ones N of a pixel with D bits are expected to be D P(q, η̄ s + d̄), with the mean efficiency η̄
 and the mean dark counts d̄ of the jots that its scene point has passed. The light s follows from
-the template: the reference jot reports 1 with probability p. Equivalent counts N', D' have the same
+the template: the median jot reports 1 with probability p. Equivalent counts N', D' have the same
 derivative of the log-likelihood with respect to p, and the same information about it. So functions
 that compare counts with p need not know the jots.
 """
@@ -39,7 +39,7 @@ def equivalent_sums(sums: Sums, probability: Image | None = None) -> Sums:
     sums : Sums
         The sums.
     probability : ndarray of float32, shape (H, W), optional
-        p: the probability that the reference jot reports 1. Default: an estimate from the sums.
+        p: the probability that the median jot reports 1. Default: an estimate from the sums.
     """
     if sums.jots is None:
         return sums
@@ -56,14 +56,14 @@ def equivalent_sums(sums: Sums, probability: Image | None = None) -> Sums:
 
 
 def expected_probability(sums: Sums, probability: Image) -> Image:
-    """Return the probability of a one at each pixel of sums, if that of the reference jot is p."""
+    """Return the probability of a one at each pixel of sums, if that of the median jot is p."""
     if sums.jots is None:
         return probability
     return clip_probability(sums.jots.response(sums.trials, probability)[0])
 
 
 def estimate_probability(sums: Sums) -> Image:
-    """Return a coarse estimate of the probability that the reference jot reports 1, (H, W)."""
+    """Return a coarse estimate of the probability that the median jot reports 1, (H, W)."""
     if sums.jots is None:
         raise ValueError("sums: expected those of jots that differ")
     parts = sums.ones, sums.trials, *sums.jots.sums
@@ -109,7 +109,7 @@ def flatten_counts(
 
 
 def _estimate(ones: Image, trials: Image, seen: SeenJots) -> Image:
-    """Return the probability that the reference jot reports 1, from sums over bits.
+    """Return the probability that the median jot reports 1, from sums over bits.
 
     Where there are no bits, it is that of the mean light.
     """

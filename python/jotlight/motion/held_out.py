@@ -149,7 +149,7 @@ def _moved(image: Probability, paths: Paths, time: float) -> Probability:
 
 
 def _estimate(sums: Sums) -> Probability:
-    """Return the probabilities that the network estimates for the reference jot, (H, W)."""
+    """Return the probabilities that the network estimates for the median jot, (H, W)."""
     sums = equivalent_sums(sums)
     ones, trials = sums.ones.astype(np.float32), sums.trials.astype(np.float32)
     return clip_probability(denoise_map(template_network(), ones, trials))

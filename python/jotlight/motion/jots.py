@@ -36,7 +36,7 @@ class Jots:
     threshold : int
         q: the number of photons that make a jot report 1.
     reference : (float, float)
-        η and d of the reference jot, to which all counts are converted.
+        η and d of the median jot, to which all counts are converted.
     maps : ndarray of float32, shape (3, H, W)
         η, d, and 1 for each jot; for q = 1, 1 - exp(-d) in place of d. All three are 0 for jots
         that are not counted.
@@ -129,7 +129,7 @@ class SeenJots:
         return SeenJots(self.jots, self.sums * factor.astype(np.float32))
 
     def mean(self, trials: npt.NDArray[Any]) -> Maps:
-        """Return the mean η and d of each pixel, (2, H, W). Without bits, the reference jot's.
+        """Return the mean η and d of each pixel, (2, H, W). Without bits, the median jot's.
 
         For q = 1, the mean of d is that with which as many bits are 1 as with the various d.
         """
@@ -149,7 +149,7 @@ class SeenJots:
         trials : ndarray, shape (H, W)
             Number of bits of each pixel.
         probability : ndarray of float32, shape (H, W)
-            p: the probability that the reference jot reports 1, above 0 and below 1.
+            p: the probability that the median jot reports 1, above 0 and below 1.
 
         Returns
         -------

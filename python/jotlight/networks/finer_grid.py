@@ -49,7 +49,7 @@ _CONJUGATE_STEPS = 6
 """Number of steps of the method of conjugate gradients. The condition number is about 5."""
 
 _MIN_RATE = 1e-4
-"""Smallest number of detections of the reference jot in a frame."""
+"""Smallest number of detections of the median jot in a frame."""
 
 _MIN_TRIALS = 0.25
 """Smallest number of trials of a pixel for the network."""
@@ -180,11 +180,11 @@ class Prior:
 
     @property
     def jot(self) -> Jot:
-        """Efficiency and dark counts of the reference jot."""
+        """Efficiency and dark counts of the median jot."""
         return reference_jot(self.sensor)
 
     def rate(self, light: Light) -> Light:
-        """Return the expected detections of the reference jot."""
+        """Return the expected detections of the median jot."""
         efficiency, dark_counts = self.jot
         return np.maximum(efficiency * light + dark_counts, _MIN_RATE)
 
@@ -212,7 +212,7 @@ class Prior:
         return images[0]
 
     def information(self, light: Light) -> Light:
-        """Return the information of one reading of the reference jot about the light."""
+        """Return the information of one reading of the median jot about the light."""
         one = np.ones(light.shape)
         return Squares(0 * one, one, *self.jot, self.sensor.threshold).derivatives(light)[1]
 

@@ -71,7 +71,7 @@ The noise of such dark counts is small compared with that of the light.
 
 
 def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
-    """Return the trained network for a sensor.
+    """Return the pretrained network for a sensor.
 
     The networks are tied: they have one weight for all jots of a pixel. So each serves counts, and
     every combination of jots and frames with the same number K of bits per pixel.

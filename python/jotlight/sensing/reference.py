@@ -78,7 +78,7 @@ def typical_jot(
 
 
 def reading_information(sensor: Sensor, light: npt.ArrayLike) -> Array:
-    """Return the Fisher information of one reading of the reference jot about each light.
+    """Return the Fisher information of one reading of the median jot about each light.
 
     Examples
     --------
@@ -160,7 +160,7 @@ def _of_live_jots(map_: npt.NDArray[np.float32], sensor: Sensor) -> npt.NDArray[
 
 
 def response_of(sensor: Sensor) -> Callable[[Array], Array]:
-    """Return the function from intensities to P(b = 1) of the reference jot.
+    """Return the function from intensities to P(b = 1) of the median jot.
 
     Examples
     --------

@@ -15,9 +15,10 @@ INTRODUCTION = """# Robustness
 This page shows what happens to jotlight and its files when a file is damaged or hostile, when a
 process is killed, when the disk is full, and when light and sensors are extreme. [The guide to
 files](../guide/file_formats.md) explains how the files are protected. A program made this page from
-[the results](robustness); `python tools/robustness/run.py page` makes it again.
+[the results](robustness); `python tools/robustness/run.py page` makes it again. A *finding* is a
+test whose outcome is not one of those that its section allows.
 
-| part | tests | violations | date | time (s) | software | command |
+| part | tests | findings | date | time (s) | software | command |
 | --- | ---: | ---: | --- | ---: | --- | --- |
 {rows}
 """
@@ -57,7 +58,7 @@ output. No file system renames two files at once. So the column "between" counts
 the moment between the renames of a capture and of its JSON file. Then each file is complete, but
 they belong to different outputs, which the checksums in the JSON file reveal.
 
-| command and output | random kills | old | new | kills before changes | between | violations |
+| command and output | random kills | old | new | kills before changes | between | findings |
 | --- | ---: | ---: | ---: | ---: | ---: | ---: |
 {rows}
 {violations}"""
@@ -69,7 +70,7 @@ output. It must end with status 1 and one line that names the file and the reaso
 output intact, and leave nothing behind. Some outputs fit on the disk
 nevertheless, because smaller files replaced larger ones.
 
-| command and output | disks | free space (KiB) | fit | violations |
+| command and output | disks | free space (KiB) | fit | findings |
 | --- | ---: | --- | ---: | ---: |
 {rows}
 {violations}"""

@@ -12,7 +12,7 @@ SECTION = """{title}
 
 Every method with all of its options, and every pretrained network of that time, ran on
 {patterns} patterns of bits:
-{pattern_names}. A violation is a value that is not finite or outside [0, S], another shape or type,
+{pattern_names}. A finding is a value that is not finite or outside [0, S], another shape or type,
 a warning, or any exception. A network may refuse a sensor that it was not trained for, with a
 message; the table counts such refusals. The film network, which takes films, is not part of it.
 
@@ -28,7 +28,7 @@ All combinations would take weeks. So the sweep takes all combinations of patter
 A network for one K ran on both square and single jots per pixel with this K. BM3D, which is slow,
 ran on every {stride}th combination.{since}
 
-| method | estimates | refused | slowest (s) | violations |
+| method | estimates | refused | slowest (s) | findings |
 | --- | ---: | ---: | ---: | ---: |
 {rows}
 | **all** | {runs:,} | {refused:,} | {slowest:.1f} | {violations} |
