@@ -285,6 +285,14 @@ def test_every_equation_of_the_paper_map_has_code_and_tests():
         assert "`tests/" in tests, equation
 
 
+def test_the_page_of_methods_has_a_row_for_every_method():
+    from jotlight.evaluation.methods import METHODS
+
+    page = (ROOT / "docs/guide/methods.md").read_text("utf-8")
+    rows = "\n".join(line.split("|")[1] for line in page.splitlines() if line.startswith("| `"))
+    assert [name for name in METHODS if f"`{name}`" not in rows] == []
+
+
 def test_the_guide_to_files_has_a_row_for_every_format():
     from jotlight.formats.registry import FORMATS
 
