@@ -6,12 +6,12 @@ The images are parts of six photographs of `photographs/cid22` in DATA, or of tw
 scikit-image, 192 x 192 pixels, in gray. The tables show the mean PSNR in dB, and in parentheses the
 relative error of the mean intensity.
 
-In the first table, *photons* is the mean number per frame at the intensity 1, and *ones* is the
+In the first table, *photons* is the number per jot and frame at intensity 1, and *ones* is the
 mean number of ones of a pixel. *one by one* is the network "medium" for the trials as they are,
 *medium* sees several of them as one, and *default* is the recommended method.
 
-In the second table, jots need several photons, so most bits of dark regions are 0. *inside* is the
-fraction of the pixels whose intensity lies in the interval of 90 % of the default.
+In the second table, jots need several photons, so most bits of dark regions are 0. *coverage* is
+the share of the 90 % intervals of the default that contain the true intensity.
 
 In the third table, the jots of a sensor differ. *mean jot* takes all jots for alike, and *alike*
 is a sensor whose jots are alike.
@@ -87,7 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path, nargs="?")
     images = photographs(parser.parse_args().data)
-    print("| K | photons | ones | one by one | medium | total variation | default |")
+    print("| K | photons | ones | one by one | medium | admm-tv | default |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for frames, photons in NUMBERS:
         sensor = jl.Sensor(frames=frames, gain=frames * photons)
@@ -106,7 +106,7 @@ def main() -> None:
 
 def print_thresholds(images: list[np.ndarray]) -> None:
     """Print the table of high thresholds."""
-    print("\n| q | K | photons | ones | one by one | medium | total variation | default | inside |")
+    print("\n| q | K | photons | ones | one by one | medium | admm-tv | default | coverage |")
     print(f"|{' ---: |' * 9}")
     for threshold, frames, photons in THRESHOLDS:
         sensor = jl.Sensor(frames=frames, gain=frames * photons, threshold=threshold)

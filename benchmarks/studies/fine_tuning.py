@@ -41,9 +41,7 @@ def main() -> None:
         )
         return found, history, time.perf_counter() - start
 
-    print(
-        "| scene | bits | photons per bit | before, dB | after, dB | held out, nats per bit | s |"
-    )
+    print("| scene | trials | photons per trial | before, dB | after, dB | held out, nats | s |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     cases = [("photograph", photograph, *each) for each in CAPTURES]
     for name, scene, bits, light in [*cases, ("lattice", lattice, *CAPTURES[0])]:

@@ -35,7 +35,9 @@ def main() -> None:
 
 def cubic(images: list[np.ndarray]) -> None:
     """Measure intensities and light on the jots for a cubic kernel, K̂ = 4."""
-    print("\n| frames | box MLE, dB | MLE, dB | ADMM, dB | light: box MLE | MLE | ADMM |")
+    names = "mle, dB", "mle-iterative, dB", "admm-tv, dB"
+    columns = [*names, *(f"light: {name}" for name in names)]
+    print(f"\n| frames | {' | '.join(columns)} |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for frames in (4, 64, 1024):
         sensor = jl.Sensor(oversampling=4, frames=frames, kernel="cubic")

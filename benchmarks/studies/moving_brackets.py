@@ -9,7 +9,7 @@ by the network "medium": of all frames without alignment, along the motion that 
 finds, and of the same photographs standing still, from all their bits and from the sums of cycles.
 *bias* is the relative error of the mean intensity of the merged images. *film* and *network* are
 images of causal films of half the frames, by "medium" and by the film network, which does not take
-maps of thresholds. *photons* is the mean number per pixel and frame.
+maps of thresholds. *photons* is the mean number per jot and frame.
 
 In the second table, the intensities of the photographs rise by a factor of 1,000 from left to
 right. It shows the root mean square error of log intensity in each quarter of the width, of images
@@ -30,7 +30,7 @@ SIZE = 192, 192
 INNER = (slice(8, -8),) * 2
 METHOD = "network-medium"
 KINDS = [
-    # relative gains of a cycle, thresholds, photons per pixel and frame, read noise
+    # relative gains of a cycle, thresholds, photons per jot and frame, read noise
     ((1.0, 4.0), 1, 0.5, 0.0),
     ((1.0, 4.0), 1, 4.0, 0.0),
     ((1.0, 8.0, 64.0), 1, 0.5, 0.0),

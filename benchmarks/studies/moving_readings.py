@@ -6,7 +6,7 @@ The scenes are two photographs that come with scikit-image, at 192 x 192 pixels.
 mean PSNR in dB, without a border of 8 pixels, by the network "medium": of all frames without
 alignment, along the motion that `jotlight.align` finds, and of the same photographs standing still.
 *bias* is the relative error of the mean intensity of the merged images. *photons* is the mean
-number of photons per pixel and frame, and *largest* the share of the readings that are the largest
+number of photons per jot and frame, and *largest* the share of the readings that are the largest
 ones.
 """
 
@@ -20,7 +20,7 @@ PHOTOGRAPHS = "camera", "coffee"
 SIZE = 192, 192
 INNER = (slice(8, -8),) * 2
 KINDS = [
-    # bits, photons per pixel and frame at intensity 1, read noise
+    # bits, photons per jot and frame at intensity 1, read noise
     (2, 1.0, 0.0),
     (2, 4.0, 0.0),
     (4, 0.5, 0.3),
@@ -35,7 +35,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--frames", type=int, default=64)
     frames = parser.parse_args().frames
-    print("| bits | read noise | photons | largest | scene | all frames | merged | bias | still |")
+    columns = "largest | scene | all frames | merged | bias | still"
+    print(f"| bit depth | read noise | photons | {columns} |")
     print("| ---: | ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: |")
     for bits, photons, noise in KINDS:
         sensor = jl.Sensor(frames=frames, gain=photons * frames, bit_depth=bits, read_noise=noise)

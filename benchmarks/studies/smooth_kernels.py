@@ -21,7 +21,7 @@ SENSORS = [
     *((kernel, 1, trials) for kernel in ("linear", "quadratic", "cubic") for trials in (4, 16, 64)),
     *((kernel, 4, trials) for kernel in ("linear", "quadratic", "cubic") for trials in (16, 256)),
 ]
-COLUMNS = "mle-iterative", "ADMM-TV", "two-layer", "small", "medium", "large"
+COLUMNS = "mle-iterative", "admm-tv", "two-layer", "small", "medium", "large"
 OTHERS = "without deconvolution", "box kernel"
 
 

@@ -21,8 +21,8 @@ SIDE = 256
 METHODS: dict[str, dict[str, Any]] = {
     "medium": {},
     "with fallback": {"fallback": True},
-    "ADMM-TV": {"method": "admm-tv"},
-    "Anscombe + TV": {"method": "noniterative-tv"},
+    "admm-tv": {"method": "admm-tv"},
+    "noniterative-tv": {"method": "noniterative-tv"},
 }
 
 
