@@ -6,8 +6,6 @@ import pytest
 import jotlight as jl
 from jotlight import _engine as engine
 from jotlight.motion.affine import (
-    _covariances,
-    _information,
     agreement,
     extrapolate,
     follow_segment,
@@ -17,7 +15,6 @@ from jotlight.motion.affine import (
     template_and_agreement,
     template_of,
 )
-from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.segments import Segment
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import affine_basis, tile_counts
@@ -154,48 +151,3 @@ def test_blocks_are_added_up_once_for_the_template_and_its_agreement(monkeypatch
     assert added == list(range(len(track.nodes) - 1))
     np.testing.assert_array_equal(template.probability, expected.probability)
     np.testing.assert_array_equal(found, weights)
-
-
-def test_the_information_of_tiles_is_that_of_random_draws():
-    rng = np.random.default_rng(2)
-    basis = affine_basis((3, 4))
-    root = rng.normal(size=(6, 6))
-    covariance = root @ root.T
-    draws = rng.multivariate_normal(np.zeros(6), covariance, 100_000).reshape(-1, 2, 3)
-    displacements = np.zeros((5, 2, 12))
-    found = _information(np.stack([covariance] * 5), basis, displacements)
-    for tile in (0, 7, 11):
-        samples = draws @ basis[tile]
-        expected = np.cov(samples.T) + 0.05**2 * np.eye(2)
-        rows, mixed, columns = found[2, :, tile]
-        inverse = np.linalg.inv([[rows, mixed], [mixed, columns]])
-        np.testing.assert_allclose(inverse, expected, rtol=0.05, atol=0.03 * expected.max())
-
-
-def test_curved_paths_are_known_less_well():
-    basis = affine_basis((2, 2))
-    covariances = np.stack([1e-4 * np.eye(6)] * 7)
-    parabola = np.zeros((7, 2, 4)) + 0.5 * np.arange(7.0)[:, None, None] ** 2
-    straight, curved = (
-        _information(covariances, basis, displacements)
-        for displacements in (0 * parabola, parabola)
-    )
-    difference = 1 / curved[:, 0] - 1 / straight[:, 0]
-    # The second difference is 1, and a quarter of it is the error of linear interpolation.
-    np.testing.assert_allclose(difference, 0.25**2, rtol=0.05)
-
-
-@pytest.mark.slow
-def test_smooth_parameters_have_the_variance_of_single_blocks_at_most():
-    rng = np.random.default_rng(3)
-    root = rng.normal(size=(6, 6)) + 3 * np.eye(6)
-    matrices = np.stack([share * root @ root.T for share in np.linspace(0.5, 2, 20)])
-    truth = np.linspace(-3, 3, 20)[:, None] ** 2 * rng.normal(size=6)
-    errors, deviations = [], []
-    for _ in range(50):
-        noise = [rng.multivariate_normal(np.zeros(6), np.linalg.inv(each)) for each in matrices]
-        smooth, covariances = smooth_affine(truth + noise, matrices), _covariances(matrices)
-        errors.append(smooth - truth)
-        deviations.append(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
-    scaled = np.square(np.array(errors) / deviations).mean()
-    assert 0.02 < scaled < 1

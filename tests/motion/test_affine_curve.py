@@ -5,7 +5,14 @@ import pytest
 from scipy.optimize import minimize
 
 from jotlight import _engine as engine
-from jotlight.motion.affine_curve import _MODES, ratios_of_differences, smooth_affine
+from jotlight.motion.affine_curve import (
+    _MODES,
+    covariances_of,
+    information_of,
+    ratios_of_differences,
+    smooth_affine,
+)
+from jotlight.motion.tiles import affine_basis
 
 NUMBER = 12
 
@@ -158,3 +165,48 @@ def test_bursts_without_information_keep_finite_values(number):
     curve = smooth_affine(estimates, np.zeros((number, 6, 6)))
     assert curve.shape == (number, 6)
     assert np.isfinite(curve).all()
+
+
+def test_the_information_of_tiles_is_that_of_random_draws():
+    rng = np.random.default_rng(2)
+    basis = affine_basis((3, 4))
+    root = rng.normal(size=(6, 6))
+    covariance = root @ root.T
+    draws = rng.multivariate_normal(np.zeros(6), covariance, 100_000).reshape(-1, 2, 3)
+    displacements = np.zeros((5, 2, 12))
+    found = information_of(np.stack([covariance] * 5), basis, displacements)
+    for tile in (0, 7, 11):
+        samples = draws @ basis[tile]
+        expected = np.cov(samples.T) + 0.05**2 * np.eye(2)
+        rows, mixed, columns = found[2, :, tile]
+        inverse = np.linalg.inv([[rows, mixed], [mixed, columns]])
+        np.testing.assert_allclose(inverse, expected, rtol=0.05, atol=0.03 * expected.max())
+
+
+def test_curved_paths_are_known_less_well():
+    basis = affine_basis((2, 2))
+    covariances = np.stack([1e-4 * np.eye(6)] * 7)
+    parabola = np.zeros((7, 2, 4)) + 0.5 * np.arange(7.0)[:, None, None] ** 2
+    straight, curved = (
+        information_of(covariances, basis, displacements)
+        for displacements in (0 * parabola, parabola)
+    )
+    difference = 1 / curved[:, 0] - 1 / straight[:, 0]
+    # The second difference is 1, and a quarter of it is the error of linear interpolation.
+    np.testing.assert_allclose(difference, 0.25**2, rtol=0.05)
+
+
+@pytest.mark.slow
+def test_smooth_parameters_have_the_variance_of_single_blocks_at_most():
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(6, 6)) + 3 * np.eye(6)
+    matrices = np.stack([share * root @ root.T for share in np.linspace(0.5, 2, 20)])
+    truth = np.linspace(-3, 3, 20)[:, None] ** 2 * rng.normal(size=6)
+    errors, deviations = [], []
+    for _ in range(50):
+        noise = [rng.multivariate_normal(np.zeros(6), np.linalg.inv(each)) for each in matrices]
+        smooth, covariances = smooth_affine(truth + noise, matrices), covariances_of(matrices)
+        errors.append(smooth - truth)
+        deviations.append(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
+    scaled = np.square(np.array(errors) / deviations).mean()
+    assert 0.02 < scaled < 1

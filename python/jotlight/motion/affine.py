@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.motion.affine_curve import smooth_affine
+from jotlight.motion.affine_curve import covariances_of, information_of, smooth_affine
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.disagreement import chi_squared
 from jotlight.motion.equivalent import equivalent_sums
@@ -36,17 +36,11 @@ _LONG = 0.4
 _ROUNDS = 2
 """Number of times that the motions of segments are improved after their outlines are known."""
 
-_SYSTEMATIC_ERROR = 0.05
-"""Standard deviation of the errors that do not depend on the number of photons, in pixels."""
-
 _SMALL = 0.3
 """Steps up to this length in pixels need no further round with a narrower filter."""
 
 _TINY = 0.1
 """Steps up to this length in pixels end the rounds of all blocks together."""
-
-_INTERPOLATION = 0.25
-"""Error of linear interpolation between blocks, as a fraction of their second difference."""
 
 _MAX_STEP = 2.0
 """Longest step of a block, in widths of the filter."""
@@ -92,6 +86,17 @@ def follow_segment(
             weights = segment.weights * agreement(sums_of_groups(track), template)
     _align_together(track, segment.weights)
     return track.inside(None).over(blocks)
+
+
+def follow_together(blocks: Blocks, segment: Segment) -> Track:
+    """Return the displacements of all blocks, which first move at the velocity of a segment.
+
+    All of them are known from the beginning, so that no block is aligned by its light alone.
+    """
+    track = Track.still(blocks.with_enough_light())
+    track.nodes = np.multiply.outer(track.blocks.centers - blocks.middle, segment.velocity)
+    _align_together(track, segment.weights)
+    return track.over(blocks)
 
 
 def _align_together(track: Track, weights: Array) -> None:
@@ -198,14 +203,14 @@ def improve_against(track: Track, template: Template, weights: Array, sigma: flo
     at_reference = weights_at(track.reference, track.blocks)
     smooth = smooth_affine(parameters, matrices, threads)
     smooth -= at_reference @ smooth
-    covariances = _covariances(matrices)
+    covariances = covariances_of(matrices)
     seen = track.blocks.is_lit * at_reference**2
     covariances = covariances + np.tensordot(seen, covariances, axes=1)
     displacements = (smooth.reshape(number, 2, 3) @ basis.T).reshape(track.nodes.shape)
     displacements = keep_velocities(displacements, track.blocks)
     length = float(np.sqrt(2 * np.mean((displacements - track.nodes) ** 2)))
     track.nodes = displacements
-    information = _information(covariances, basis, displacements.reshape(number, 2, -1))
+    information = information_of(covariances, basis, displacements.reshape(number, 2, -1))
     track.information = information.reshape(track.information.shape)
     track.information[~track.blocks.is_lit] = 0
     return length
@@ -316,33 +321,3 @@ def weights_at(time: float, blocks: Blocks) -> Array:
     place = float(np.interp(time, blocks.centers, np.arange(number)))
     frames = round(float(np.diff(blocks.edges).mean()))
     return cubic_weights(number, place, interpolation_bias(frames))
-
-
-def _covariances(matrices: Array) -> Array:
-    """Return the covariances of the parameters of all blocks, (n, 6, 6), from the information.
-
-    All have the same shape. A smooth curve has less noise, but also a bias; they exceed both.
-    """
-    mean = matrices.mean(axis=0)
-    mean += 1e-6 * np.trace(mean) * np.eye(6) + 1e-12 * np.eye(6)
-    inverse = np.linalg.inv(mean)
-    information = np.einsum("nij,ji->n", matrices, inverse) / 6
-    return np.asarray(inverse / np.maximum(information, 1e-9)[:, None, None])
-
-
-def _information(covariances: Array, basis: Array, displacements: Array) -> Array:
-    """Return the information about the displacements of tiles, (n, 3, tiles).
-
-    The covariances (n, 6, 6) are those of the coefficients of the basis (tiles, 3). Between the
-    blocks, the displacements (n, 2, tiles) are interpolated linearly, which adds an error.
-    """
-    blocks = covariances.reshape(-1, 2, 3, 2, 3).transpose(0, 1, 3, 2, 4).reshape(-1, 2, 2, 9)
-    products = (basis[:, :, None] * basis[:, None, :]).reshape(-1, 9)
-    variances = np.einsum("nabp,tp->nabt", blocks, products)
-    curvature = np.zeros_like(displacements)
-    curvature[1:-1] = np.diff(displacements, 2, axis=0)
-    curvature[[0, -1]] = curvature[[1, -2]]
-    variances[:, [0, 1], [0, 1]] += _SYSTEMATIC_ERROR**2 + (_INTERPOLATION * curvature) ** 2
-    rows, mixed, columns = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
-    determinant = rows * columns - mixed**2
-    return np.asarray(np.stack([columns, -mixed, rows], axis=1) / determinant[:, None])

@@ -13,6 +13,12 @@ import jotlight._engine as engine
 
 Array = npt.NDArray[np.float64]
 
+_SYSTEMATIC_ERROR = 0.05
+"""Standard deviation of the errors that do not depend on the number of photons, in pixels."""
+
+_INTERPOLATION = 0.25
+"""Error of linear interpolation between blocks, as a fraction of their second difference."""
+
 _HALF = 0.5**0.5
 
 _MODES: Array = np.array(
@@ -77,3 +83,33 @@ def _square_of_differences(number: int, order: int) -> Array:
     """Return ΔᵀΔ, (n, n), for differences of an order."""
     differences = np.diff(np.eye(number), order, axis=0)
     return np.asarray(differences.T @ differences)
+
+
+def covariances_of(matrices: Array) -> Array:
+    """Return the covariances of the parameters of all blocks, (n, 6, 6), from the information.
+
+    All have the same shape. A smooth curve has less noise, but also a bias; they exceed both.
+    """
+    mean = matrices.mean(axis=0)
+    mean += 1e-6 * np.trace(mean) * np.eye(6) + 1e-12 * np.eye(6)
+    inverse = np.linalg.inv(mean)
+    information = np.einsum("nij,ji->n", matrices, inverse) / 6
+    return np.asarray(inverse / np.maximum(information, 1e-9)[:, None, None])
+
+
+def information_of(covariances: Array, basis: Array, displacements: Array) -> Array:
+    """Return the information about the displacements of tiles, (n, 3, tiles).
+
+    The covariances (n, 6, 6) are those of the coefficients of the basis (tiles, 3). Between the
+    blocks, the displacements (n, 2, tiles) are interpolated linearly, which adds an error.
+    """
+    blocks = covariances.reshape(-1, 2, 3, 2, 3).transpose(0, 1, 3, 2, 4).reshape(-1, 2, 2, 9)
+    products = (basis[:, :, None] * basis[:, None, :]).reshape(-1, 9)
+    variances = np.einsum("nabp,tp->nabt", blocks, products)
+    curvature = np.zeros_like(displacements)
+    curvature[1:-1] = np.diff(displacements, 2, axis=0)
+    curvature[[0, -1]] = curvature[[1, -2]]
+    variances[:, [0, 1], [0, 1]] += _SYSTEMATIC_ERROR**2 + (_INTERPOLATION * curvature) ** 2
+    rows, mixed, columns = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
+    determinant = rows * columns - mixed**2
+    return np.asarray(np.stack([columns, -mixed, rows], axis=1) / determinant[:, None])

@@ -12,45 +12,32 @@ from jotlight.motion.added_tiles import (
     needed_by_tiles,
     share_of_unknown,
 )
-from jotlight.motion.affine import follow_segment, improve_inside, improve_together
+from jotlight.motion.affine import follow_segment, follow_together, improve_together
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import CLEARLY_MORE, Consistent, find_consistent
-from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
 from jotlight.motion.held_out import central_frames, held_out_likelihood
 from jotlight.motion.kept_sums import keeps_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
-from jotlight.motion.objects import MAX_OBJECTS, PARAMETERS, add_objects, more_likely
+from jotlight.motion.objects import MAX_OBJECTS, PARAMETERS, add_objects
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
+from jotlight.motion.segment_outlines import ROUNDS, add_outlines
 from jotlight.motion.segments import Segment, energy_of, find_segments
 from jotlight.motion.stricter_test import select_bits
 from jotlight.motion.sums import Sums
-from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.track import Paths, Track
 
 Array = npt.NDArray[np.float64]
 
-_ROUNDS = 2
-"""Number of rounds that improve the motions of segments with the tiles that they cover."""
-
-_SHORT = 24.0
-"""Distance in pixels by which two tracks move apart, below which their outlines are in doubt.
-
-If they move less, smooth regions may belong to either, and either may be in front.
-"""
-
-_MIN_LARGE = 0.05
-"""Fraction of the pixels above which a segment is large. The outlines of small ones are clear."""
-
 _EXPLAINED = 0.8
 """A track explains a segment if it has at least this fraction of the energy at its velocity."""
-
-_MIN_FRACTION = 0.5
-"""Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
 
 _CLEAR = 10.0
 """A motion is clearly right if its gain with blurred templates exceeds this multiple of the gain
 that it needs."""
+
+_MOVES = 1.0
+"""Smallest displacement in pixels, within the burst, of a scene that moves at a velocity."""
 
 _OBJECTS_UNKNOWN = 0.002, 0.15
 """Fractions of pixels with unknown motion between which further objects are searched.
@@ -127,9 +114,25 @@ def _best_of(
             best, most = found, gain
         if is_clear:
             break
+    else:
+        best = _or_constant_velocity(blocks, divisions[0][0], best, most)
     if len(best.paths.tracks) - best.paths.free == 1 and not best.is_explained:
         best = _slow_segments(blocks, best)
     return _without_wrong_parts(best, still)
+
+
+def _or_constant_velocity(blocks: Blocks, segment: Segment, best: Found, most: float) -> Found:
+    """Return the path of a scene that begins at a constant velocity, or a better one.
+
+    In dim light, such as that of a few stars, blocks that are aligned one after the other get lost.
+    `most` is the gain of the best paths found so far.
+    """
+    if np.hypot(*segment.velocity).max() * len(blocks.burst) < _MOVES:
+        return best
+    paths = Paths([follow_together(blocks, segment)], np.zeros(blocks.size, np.uint8))
+    if _gain_over_rest(paths)[0] <= most:
+        return best
+    return Found(paths, "affine", find_consistent(paths.exact()))
 
 
 def _without_wrong_parts(found: Found, still: Found) -> Found:
@@ -214,7 +217,7 @@ def _explain(
     advance(0.6)
     paths = Paths(tracks, choose_labels(tracks))
     if len(tracks) > 1:
-        paths = _with_outlines(paths)
+        paths = add_outlines(paths)
     advance(0.7)
     consistent = None
     if model == "auto":
@@ -241,7 +244,7 @@ def _follow(blocks: Blocks, segments: list[Segment]) -> list[Track]:
         if max(others) < _EXPLAINED * segment.energy:
             tracks.append(follow_segment(blocks, segment))
     if len(tracks) == 1 and len(segments) > 1:
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             improve_together(tracks[0], np.ones_like(segments[0].weights))
     return tracks
 
@@ -264,60 +267,6 @@ def _gain_over_rest(paths: Paths) -> tuple[float, bool]:
     if gain > _CLEAR * needed:
         return gain - needed, True
     return likelihood_gain(paths) - needed, False
-
-
-def _with_outlines(paths: Paths) -> Paths:
-    """Return paths of several tracks with better motions and outlines, or of the first one alone.
-
-    The first one is at the back.
-    """
-    paths = _from_back_to_front(_improve_segments(paths))
-    paths = without_absent(refine_outlines(improve_inside(refine_outlines(paths))))
-    if len(paths.tracks) == 2 and _are_in_doubt(paths):
-        paths = _with_other_outlines(paths)
-    alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
-    return more_likely(alone, paths)
-
-
-def _improve_segments(paths: Paths) -> Paths:
-    """Return paths with better motions, from tiles inside the outlines of each segment."""
-    for index, track in enumerate(paths.tracks):
-        fraction = mean_tiles((paths.labels == index).astype(np.float32))
-        weights = np.where(fraction >= _MIN_FRACTION, fraction, 0)
-        if weights.any():
-            for _ in range(_ROUNDS):
-                improve_together(track, weights)
-    return Paths(paths.tracks, choose_labels(paths.tracks))
-
-
-def _are_in_doubt(paths: Paths) -> bool:
-    """Return whether the outlines of two large segments are in doubt, because they hardly part."""
-    first, second = paths.tracks
-    apart = (first.nodes - second.nodes).mean(axis=(2, 3))
-    share = np.bincount(paths.labels.ravel(), minlength=2).min() / paths.labels.size
-    return bool(np.hypot(*np.ptp(apart, axis=0)) < _SHORT and share > _MIN_LARGE)
-
-
-def _with_other_outlines(paths: Paths) -> Paths:
-    """Return two tracks with other outlines, if these explain the bits better.
-
-    They are found from an object that has no pixels at first, so that its background is known
-    everywhere, and with either track in front.
-    """
-    most, empty = likelihood_gain(paths), np.zeros_like(paths.labels)
-    for tracks in (paths.tracks, paths.tracks[::-1]):
-        other = refine_outlines(improve_inside(refine_outlines(Paths(list(tracks), empty))))
-        gain = likelihood_gain(other)
-        if gain > most:
-            paths, most = other, gain
-    return paths
-
-
-def _from_back_to_front(paths: Paths) -> Paths:
-    """Return paths whose tracks are in their order from back to front."""
-    order = order_by_depth(np.bincount(paths.labels.ravel(), minlength=len(paths.tracks)))
-    labels = np.argsort(order).astype(np.uint8)[paths.labels]
-    return Paths([paths.tracks[index] for index in order], labels)
 
 
 def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:

@@ -80,8 +80,11 @@ _ENOUGH = 4
 _LIGHT = 32.0
 """Number of ones per pixel that suffice. Of more frames, every second, third, or nth is counted."""
 
+_DIM = 8.0
+"""Number of ones per pixel that are counted even if they need more than the usual frames."""
+
 _MIN_COUNTED, _MAX_COUNTED = 32, 128
-"""Minimum and maximum number of frames that are counted, if there are more."""
+"""Minimum and maximum number of frames that are usually counted, if there are more."""
 
 
 @dataclasses.dataclass
@@ -288,11 +291,10 @@ def refine_velocity(blocks: Blocks, field: Array, weights: Array) -> Array:
     return field
 
 
-def count_at_velocity(
-    blocks: Blocks, frames: range, field: Array, most: int = _MAX_COUNTED
-) -> Sums:
+def count_at_velocity(blocks: Blocks, frames: range, field: Array, most: int | None = None) -> Sums:
     """Return the sums of at most a number of frames whose points move at a constant velocity."""
-    most = min(_most_counted(blocks), max(_MIN_COUNTED, most))
+    enough = _most_counted(blocks)
+    most = enough if most is None else min(enough, max(_MIN_COUNTED, most))
     frames = frames[:: -(-len(frames) // most)]
     times = frames.start, frames.stop
     fields = field * (times[0] - blocks.middle), field * (times[1] - blocks.middle)
@@ -301,7 +303,8 @@ def count_at_velocity(
 
 def _most_counted(blocks: Blocks) -> int:
     """Return the number of frames that have enough light together."""
-    return int(np.clip(_LIGHT / max(blocks.mean_count, 1e-9), _MIN_COUNTED, _MAX_COUNTED))
+    mean = max(blocks.mean_count, 1e-9)
+    return int(np.clip(_LIGHT / mean, _MIN_COUNTED, max(_MAX_COUNTED, _DIM / mean)))
 
 
 def limit_length(vectors: Array, longest: float) -> Array:
