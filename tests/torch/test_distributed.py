@@ -21,92 +21,98 @@ from training_runs import end_after  # noqa: E402
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
 BITS = jl.Sensor(frames=8).expose(SCENE, rng=0)
 IMAGES = np.random.default_rng(0).random((5, 20, 24), np.float32)
+# The launcher takes long to start, so one script makes all runs.
 SCRIPT = """
 import json, sys
+from pathlib import Path
 import numpy as np
+import torch
 import jotlight as jl
 from jotlight.torch import train
 
-network = jl.Network.residual(jl.Sensor(oversampling=3), "small", rng=0)
-images = np.random.default_rng(0).random((5, 20, 24), np.float32)
-records, last = [], int(sys.argv[2])
+folder = Path(sys.argv[1])
 
 
-def callback(record):
-    records.append(record)
-    if record.step >= last:
-        raise StopIteration
+def train_several_times(group):
+    network = jl.Network.residual(jl.Sensor(frames=4), "small", rng=0)
+    for seed in (3, 2**70, 5):
+        train(network, np.ones((2, 8, 8), np.float32), steps=1, batch=2, rng=seed, device="cpu")
+    (folder / f"{group} group, is there: {torch.distributed.is_initialized()}").touch()
 
 
-trained, history = train(
-    network, images, steps=4, batch=5, patch=12, rng=3, threads=1, device="cpu",
-    test=list(images[:1]), callback=callback, checkpoint=sys.argv[1] + "/run",
-)
-if records:
-    trained.save(sys.argv[1] + "/trained.safetensors")
-    print(json.dumps([history.to_json(), len(records)]))
+def train_until(last):
+    network = jl.Network.residual(jl.Sensor(oversampling=3), "small", rng=0)
+    images = np.random.default_rng(0).random((5, 20, 24), np.float32)
+    records = []
+
+    def callback(record):
+        records.append(record)
+        if record.step >= last:
+            raise StopIteration
+
+    trained, history = train(
+        network, images, steps=4, batch=5, patch=12, rng=3, threads=1, device="cpu",
+        test=list(images[:1]), callback=callback, checkpoint=folder / f"run {last}",
+    )
+    if records:
+        trained.save(folder / f"{last}.safetensors")
+        print(json.dumps([last, history.to_json(), len(records)]))
+
+
+torch.distributed.init_process_group("gloo")
+train_several_times("own")
+torch.distributed.barrier()
+torch.distributed.destroy_process_group()
+train_several_times("no")
+train_until(9)
+train_until(1)
 """
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("last", [9, 1])  # with 1, the callback of the main process ends both
-def test_two_processes_train_the_network_that_one_process_trains(tmp_path, last):
-    (tmp_path / "train.py").write_text(SCRIPT, "utf-8")
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Return the folder of the script's runs in two processes, and what the script printed."""
+    folder = tmp_path_factory.mktemp("runs")
+    (folder / "runs.py").write_text(SCRIPT, "utf-8")
     launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
     printed = subprocess.run(
-        [*launcher, "--nproc-per-node", "2", tmp_path / "train.py", tmp_path, str(last)],
+        [*launcher, "--nproc-per-node", "2", folder / "runs.py", folder],
         check=True,
-        capture_output=True,
+        stdout=subprocess.PIPE,
         text=True,
         timeout=300,
         env={**os.environ, "PYTHONPATH": str(Path(jl.__file__).parents[1])},
     ).stdout
+    return folder, [json.loads(line) for line in printed.splitlines()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("last", [9, 1])  # with 1, the callback of the main process ends both
+def test_two_processes_train_the_network_that_one_process_trains(runs, last):
+    folder, printed = runs
     # The main process alone prints.
-    (line,) = printed.splitlines()
-    history, number = json.loads(line)
+    assert [line[0] for line in printed] == [9, 1]
+    history, number = next(line[1:] for line in printed if line[0] == last)
     assert number == len(history["step"]) == min(5, last + 2)
-    assert (tmp_path / "run").is_file()
+    assert (folder / f"run {last}").is_file()
     alone, history_alone = train(
         jl.Network.residual(jl.Sensor(oversampling=3), "small", rng=0), IMAGES, steps=4, batch=5,
         patch=12, rng=3, threads=1, device="cpu", test=list(IMAGES[:1]), callback=end_after(last),
     )  # fmt: skip
     np.testing.assert_allclose(history["loss"], history_alone.loss, rtol=1e-4)
     np.testing.assert_allclose(history["gradient_norm"], history_alone.gradient_norm, rtol=1e-3)
-    together = jl.Network.load(tmp_path / "trained.safetensors")
+    together = jl.Network.load(folder / f"{last}.safetensors")
     for layer, other in zip(alone.layers, together.layers, strict=True):
         np.testing.assert_allclose(layer.filters, other.filters, atol=2e-3)
 
 
-RUNS = """
-import os, sys
-import numpy as np
-import torch
-import jotlight as jl
-from jotlight.torch import train
-
-if sys.argv[1] == "own":
-    torch.distributed.init_process_group("gloo")
-network = jl.Network.residual(jl.Sensor(frames=4), "small", rng=0)
-for seed in (3, 2**70, 5):
-    train(network, np.ones((2, 8, 8), np.float32), steps=1, batch=2, rng=seed, device="cpu")
-if sys.argv[1] == "own":
-    torch.distributed.barrier()
-    torch.distributed.destroy_process_group()
-assert not torch.distributed.is_initialized()
-"""
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("group", ["own", "none"])
-def test_a_script_trains_several_times_also_in_its_own_group(tmp_path, group):
-    (tmp_path / "runs.py").write_text(RUNS, "utf-8")
-    launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
-    subprocess.run(
-        [*launcher, "--nproc-per-node", "2", tmp_path / "runs.py", group],
-        check=True,
-        timeout=300,
-        env={**os.environ, "PYTHONPATH": str(Path(jl.__file__).parents[1])},
-    )
+@pytest.mark.parametrize(("group", "is_there"), [("own", True), ("no", False)])
+def test_a_script_trains_several_times_also_in_its_own_group(runs, group, is_there):
+    """Training leaves a group of the script, and ends its own."""
+    folder, _ = runs
+    (found,) = folder.glob(f"{group} group*")
+    assert found.name == f"{group} group, is there: {is_there}"
 
 
 @pytest.mark.parametrize("seed", [2**63, 2**200])
