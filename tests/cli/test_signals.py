@@ -35,10 +35,18 @@ def start_conversion(folder, target, before=""):
     return child
 
 
+@pytest.fixture(scope="module")
+def large_file(tmp_path_factory):
+    """Return a file of 131 MB that compresses badly."""
+    path = tmp_path_factory.mktemp("large") / "a.npy"
+    np.save(path, np.random.default_rng(0).integers(0, 256, (8000, 256, 64), np.uint8))
+    return path
+
+
 @pytest.fixture
-def large_capture(tmp_path):
-    cube = np.random.default_rng(0).integers(0, 256, (8000, 256, 64), np.uint8)
-    np.save(tmp_path / "a.npy", cube)
+def large_capture(large_file, tmp_path):
+    """Return an own folder with the file."""
+    os.link(large_file, tmp_path / "a.npy")
     return tmp_path
 
 
