@@ -1,6 +1,7 @@
 """The advice where a network does not fit a capture, and the training of one that does."""
 
 import gzip
+import shutil
 
 import numpy as np
 import pytest
@@ -80,9 +81,10 @@ def test_advice_for_a_film_is_printed_once(run, level):
     assert output.count("--quality medium") == 1
 
 
-@pytest.fixture
-def camera(run, tmp_path):
-    """Save a calibration of a camera and one of its captures; return its sensor."""
+@pytest.fixture(scope="module")
+def camera_files(tmp_path_factory):
+    """Return a folder with a calibration of a camera, and one of its captures."""
+    folder = tmp_path_factory.mktemp("camera")
     rng = np.random.default_rng(0)
     dark = rng.gamma(2, 0.01, PHOTO.shape)
     dark[::7, ::9] = 0.4
@@ -90,10 +92,16 @@ def camera(run, tmp_path):
     sensor = jl.Sensor(frames=2000, gain=2600, dark_counts=dark, efficiency=relative)
     jl.calibrate(
         sensor.expose(np.zeros(PHOTO.shape), 1), sensor.expose(np.full(PHOTO.shape, 0.7), 2)
-    ).save(tmp_path / "my camera.safetensors")
+    ).save(folder / "my camera.safetensors")
     bits = sensor.replace(frames=16).expose(0.3 * PHOTO, 3)
-    jl.save(jl.Bits(bits.packed, bits.width), tmp_path / "capture.npy")
-    return sensor
+    jl.save(jl.Bits(bits.packed, bits.width), folder / "capture.npy")
+    return folder
+
+
+@pytest.fixture
+def camera(camera_files, tmp_path):
+    """Copy the files of the camera to the current folder of the test."""
+    shutil.copytree(camera_files, tmp_path, dirs_exist_ok=True)
 
 
 OPENED = {
@@ -119,6 +127,7 @@ OPENED_IN_GATE = "a key", "frames", "a calibration of another orientation"
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("camera")
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -128,7 +137,7 @@ OPENED_IN_GATE = "a key", "frames", "a calibration of another orientation"
         for name, arguments in OPENED.items()
     ],
 )
-def test_a_network_can_be_trained_for_every_capture(run, camera, arguments):
+def test_a_network_can_be_trained_for_every_capture(run, arguments):
     arguments = [*arguments, "--kernel", "cubic"]
     bits = jl.open("capture.npy")
     np.savez("counts.npz", k1=bits[:1].counts(), k16=bits.counts())
@@ -152,7 +161,8 @@ def test_a_network_can_be_trained_for_every_capture(run, camera, arguments):
 
 
 @pytest.mark.exhaustive
-def test_a_network_trained_with_the_calibration_is_better_than_simple_methods(run, camera):
+@pytest.mark.usefixtures("camera")
+def test_a_network_trained_with_the_calibration_is_better_than_simple_methods(run):
     training = ("--steps", 8, "--batch", 128)
     calibrated = ("--calibration", "my camera.safetensors")
     assert run("train", "--sensor", "capture.npy", "-o", "plain.safetensors", *training)[0] == 0
