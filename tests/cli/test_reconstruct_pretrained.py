@@ -148,13 +148,6 @@ def test_a_network_falls_back_on_request(run, photo_folder, quality):
     assert output == "error: fallback: is for networks, but the method is mle\n"
 
 
-@pytest.mark.slow
-def test_demo_shows_the_trained_network(run):
-    status, output = run("demo", "--photo", "coins")
-    assert status == 0
-    assert "network, two-layer" in output
-
-
 PHOTOGRAPH = jl.datasets.photograph("camera")[100:124, 180:204]
 
 DARK = np.full((96, 96), 0.3, np.float32)
