@@ -48,7 +48,7 @@ def test_kills_find_remaining_files_and_changed_inputs(tmp_path):
     place = small_workplace(tmp_path)
     script = (
         'import pathlib, time\npathlib.Path("out/.b").touch()\n'
-        'pathlib.Path("in/c").touch()\ntime.sleep(1)\n'
+        'pathlib.Path("in/c").touch()\ntime.sleep(0.3)\n'
     )
     command = Command("careless", (), script=script, replaces=False)
     expected = Expected.of(command, place, tmp_path / "before")
