@@ -74,9 +74,11 @@ def test_live_images_are_those_of_a_causal_film(frames, window, step, model, sha
 @pytest.mark.slow
 def test_a_causal_film_remembers_colors():
     scene, bits = behind(frames=2 * FRAMES, shape=SIZE)
+    # Without a memory, the frames before the last windows change nothing.
+    recent = bits[-72:]
     last = [
-        list(film(bits, window=48, step=12, causal=True, memory=memory))[-1]
-        for memory in (False, None)
+        list(film(part, window=48, step=12, causal=True, memory=memory))[-1]
+        for part, memory in ((recent, False), (bits, None))
     ]
     trials = [image.merged.trials.mean() for image in last]
     assert trials[1] > 1.1 * trials[0]
