@@ -120,8 +120,9 @@ def torch(session: nox.Session) -> None:
     install_wheel(session, extra="test,deepinv")
     # Of the documents, only these pages need PyTorch.
     chosen = ("-m", "not exhaustive", "-k", "torch or fine_tuning or tutorial or not documents")
-    # The pages take longest, so they begin first.
-    session.run("pytest", *chosen, "tests/docs/test_documents.py", *NEEDS_TORCH, *session.posargs)
+    # The pages take longest, so they begin first. Otherwise, files with many tests would.
+    files = ("--no-loadscope-reorder", "tests/docs/test_documents.py", *NEEDS_TORCH)
+    session.run("pytest", *chosen, *files, *session.posargs)
 
 
 @nox.session(tags=["gate"])
