@@ -1,7 +1,7 @@
 //! Tests of the engine that may run at the same time in one program.
 //!
 //! The compiler translates the engine's generic functions once for each program. Tests that choose
-//! the level of instructions of all threads are programs of their own.
+//! the level of instructions of all threads are another program, `levels`.
 
 #[path = "../random/mod.rs"]
 mod random;

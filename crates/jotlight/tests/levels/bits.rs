@@ -1,14 +1,12 @@
 //! Comparisons of counts of packed bits with counts of one jot after the other.
 
-mod random;
-
 use jotlight::bits::{PackedBits, add_block_counts, packed_width};
-use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::threads;
 use ndarray::{Array2, Array3, Axis, s};
 
-use random::random_bits;
+use crate::on_every_level;
+use crate::random::random_bits;
 
 fn naive_counts(
     bytes: &Array3<u8>,
@@ -108,8 +106,7 @@ fn counts_of_parts_add_up_for_every_instruction_set() -> Result<()> {
         // The first jots are always one, so all their digits carry.
         bytes.slice_mut(s![.., .., ..2]).fill(0xff);
         let expected = naive_counts(&bytes, width, 1, |_, _| true);
-        for level in Level::supported() {
-            Level::choose(Some(level.name()))?;
+        on_every_level(|level| {
             for part in [1, 16, 23, 247, 1024, frames] {
                 let mut counts = Array2::zeros((rows, width));
                 for part in bytes.axis_chunks_iter(Axis(0), part) {
@@ -118,9 +115,10 @@ fn counts_of_parts_add_up_for_every_instruction_set() -> Result<()> {
                 }
                 assert_eq!(counts, expected, "{level:?}, parts of {part} frames");
             }
-        }
+            Ok(())
+        })?;
     }
-    Level::choose(None)
+    Ok(())
 }
 
 #[test]

@@ -1,16 +1,14 @@
 //! Comparisons of transposed, reversed, and listed bits with one jot after the other.
 
-mod random;
-
 use std::collections::BTreeSet;
 
 use jotlight::bits::{PackedBits, packed_width, reverse_bytes, set_positions, transpose};
-use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::threads;
 use ndarray::{Array2, Array3, s};
 
-use random::random_bits;
+use crate::on_every_level;
+use crate::random::random_bits;
 
 fn naive_transpose(bytes: &Array3<u8>, width: usize) -> Array3<u8> {
     let (frames, rows, _) = bytes.dim();
@@ -28,8 +26,7 @@ fn naive_transpose(bytes: &Array3<u8>, width: usize) -> Array3<u8> {
 
 #[test]
 fn bits_of_any_size_are_transposed() -> Result<()> {
-    for level in Level::supported() {
-        Level::choose(Some(level.name()))?;
+    on_every_level(|_| {
         for (frames, rows, width) in [
             (1, 1, 1),
             (2, 5, 13),
@@ -53,8 +50,8 @@ fn bits_of_any_size_are_transposed() -> Result<()> {
                 "{rows} x {width}"
             );
         }
-    }
-    Level::choose(None)
+        Ok(())
+    })
 }
 
 #[test]

@@ -1,10 +1,7 @@
 //! Normal equations and χ² of blocks of frames, against sums in `f64` of one pixel after the other.
 
 mod naive;
-#[path = "../random/mod.rs"]
-mod random;
 
-use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{
     Counts, EquationsView, Limits, Share, Template, Tested, Totals, accept_agreeing,
@@ -13,6 +10,7 @@ use jotlight::motion::{
 use jotlight::threads::install;
 use ndarray::{Array2, Array3, s};
 
+use crate::on_every_level;
 use naive::{Case, naive_chi_squared, naive_equations};
 
 fn assert_close<'a>(
@@ -47,7 +45,6 @@ fn compute(
     })?
 }
 
-// One test does all that depends on the level, because the level is that of all threads.
 #[test]
 fn equations_and_chi_squared_are_those_of_single_pixels() -> Result<()> {
     for (rows, columns) in SIZES {
@@ -55,8 +52,7 @@ fn equations_and_chi_squared_are_those_of_single_pixels() -> Result<()> {
         let chi_squared_of_pixels = naive_chi_squared(&case);
         for sigma in [0.4, 1.0, 3.0] {
             let expected = naive_equations(&case, sigma);
-            for level in Level::supported() {
-                Level::choose(Some(level.name()))?;
+            on_every_level(|_| {
                 let found = compute(&case, sigma, 1)?;
                 assert_eq!(compute(&case, sigma, 2)?, found);
                 assert_eq!(compute(&case, sigma, 3)?, found);
@@ -66,8 +62,8 @@ fn equations_and_chi_squared_are_those_of_single_pixels() -> Result<()> {
                 for (found, expected) in chi_squared.iter().zip(&chi_squared_of_pixels) {
                     assert!((f64::from(*found) - expected).abs() <= 1e-4 * expected);
                 }
-            }
-            Level::choose(None)?;
+                Ok(())
+            })?;
         }
     }
     Ok(())
@@ -76,6 +72,10 @@ fn equations_and_chi_squared_are_those_of_single_pixels() -> Result<()> {
 /// Blocks are compared together with others, and added alone.
 #[test]
 fn counts_that_agree_are_those_below_the_limit_of_the_sum() -> Result<()> {
+    on_every_level(|_| accepts_below_the_limit())
+}
+
+fn accepts_below_the_limit() -> Result<()> {
     let (case, other, mut sum) = (Case::new(70, 45), Case::new(70, 45), Case::new(70, 45));
     (sum.ones, sum.trials) = (&case.ones + &other.ones, &case.trials + &other.trials);
     let mut expected = Array2::zeros(case.size());

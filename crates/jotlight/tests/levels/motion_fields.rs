@@ -1,13 +1,11 @@
 //! Affine fits and smooth fields of displacements, against exact fields and a dense solver.
 
-mod random;
-
-use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{AffineFit, EquationsView, Smoothness, Start, fit_affine, solve_field};
 use ndarray::{Array1, Array2, Array3};
 
-use random::Random;
+use crate::on_every_level;
+use crate::random::Random;
 
 impl Random {
     fn vectors(&mut self, (rows, columns): (usize, usize)) -> Array3<f64> {
@@ -152,16 +150,15 @@ fn fields_solve_the_equations_on_every_level() -> Result<()> {
             now: now.view(),
             predicted: predicted.view(),
         };
-        for level in Level::supported() {
-            Level::choose(Some(level.name()))?;
+        on_every_level(|_| {
             let equations = view(&information, &right);
             let field = solve_field(equations, start, basis(size).view(), smoothness)?;
             let expected = predicted.iter().zip(&deviations).map(|(a, b)| a + b);
             for (found, expected) in field.iter().zip(expected) {
                 assert!((found - expected).abs() < 1e-6, "{found} {expected}");
             }
-        }
-        Level::choose(None)?;
+            Ok(())
+        })?;
     }
     Ok(())
 }

@@ -1,14 +1,12 @@
 //! Comparisons of sums of values of the jots along a motion with counts of equal bits.
 
-mod random;
-
 use jotlight::bits::{PackedBits, packed_width};
-use jotlight::cpu::Level;
 use jotlight::error::Result;
 use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_values, count_shifted};
 use ndarray::{Array2, Array3, Array4};
 
-use random::Random;
+use crate::on_every_level;
+use crate::random::Random;
 
 /// Two maps of zeros and ones, and the bits of frames that are equal to the first one.
 fn equal_bits(random: &mut Random, (frames, rows, columns): (usize, usize, usize)) -> Case {
@@ -60,8 +58,7 @@ fn sums_of_values_are_counts_of_equal_bits() -> Result<()> {
         };
         let bits = PackedBits::new(bytes.view(), columns)?;
         count_shifted(&bits, &motion, &times, None, counts)?;
-        for level in Level::supported() {
-            Level::choose(Some(level.name()))?;
+        on_every_level(|_| {
             let mut sums = Array3::zeros((2, rows, columns));
             add_shifted_values(values.view(), &motion, &times, sums.view_mut())?;
             let whole = sums.mapv(|value: f32| value as i32);
@@ -72,8 +69,8 @@ fn sums_of_values_are_counts_of_equal_bits() -> Result<()> {
             let reversed = values.t().as_standard_layout().into_owned();
             add_shifted_values(reversed.t(), &motion, &times, transposed.view_mut())?;
             assert_eq!(transposed, sums);
-        }
-        Level::choose(None)?;
+            Ok(())
+        })?;
     }
     Ok(())
 }

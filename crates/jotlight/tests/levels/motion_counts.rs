@@ -1,14 +1,12 @@
 //! Comparisons of counts along a motion with counts of one bit after the other.
 
-mod random;
-
 use jotlight::bits::{PackedBits, packed_width};
-use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, count_shifted};
 use ndarray::{Array2, Array3, ArrayView2, Axis, stack};
 
-use random::Random;
+use crate::on_every_level;
+use crate::random::Random;
 
 /// The sums along a motion.
 struct Sums {
@@ -103,14 +101,13 @@ fn counts_are_those_of_single_bits_on_every_level() -> Result<()> {
         let fields = &[&displacements; 2];
         for mask in [None, Some(&valid)] {
             let expected = naive(&bytes, &displacements, mask);
-            for level in Level::supported() {
-                Level::choose(Some(level.name()))?;
+            on_every_level(|_| {
                 let mut sums = Sums::new(rows, columns);
                 sums.add(&bytes, fields, None, &times, mask.map(|mask| mask.view()))?;
                 assert_eq!(sums.ones, expected[0]);
                 assert_eq!(sums.trials, expected[1]);
-            }
-            Level::choose(None)?;
+                Ok(())
+            })?;
         }
     }
     Ok(())
@@ -142,14 +139,13 @@ fn smooth_displacements_are_those_of_single_bits_on_every_level() -> Result<()> 
                 5.0 * start[direction] + slope * column as f32 + 0.1 * row as f32
             });
         let expected = naive(&bytes, &displacements, None);
-        for level in Level::supported() {
-            Level::choose(Some(level.name()))?;
+        on_every_level(|_| {
             let mut sums = Sums::new(rows, columns);
             sums.add(&bytes, &[&displacements; 2], None, &vec![0.5; frames], None)?;
             assert_eq!(sums.ones, expected[0]);
             assert_eq!(sums.trials, expected[1]);
-        }
-        Level::choose(None)?;
+            Ok(())
+        })?;
     }
     Ok(())
 }
@@ -174,21 +170,23 @@ fn tiles_are_interpolated_and_remainders_are_means() -> Result<()> {
     });
     let mut random = Random(2);
     let bytes = Array3::from_shape_simple_fn((10, rows, 4), || random.byte());
-    let mut sums = Sums::new(rows, columns);
-    sums.add(&bytes, &[&nodes; 2], Some(tile), &[0.0; 10], None)?;
     let expected = naive(&bytes, &pixels, None);
-    assert_eq!(sums.ones, expected[0]);
-    assert_eq!(sums.trials, expected[1]);
-    for block in 0..2 {
-        let remainder = |column: usize| {
-            let displacement = column as f32 / 8.0;
-            displacement.round_ties_even() - displacement
-        };
-        let mean: f32 = (16 * block..16 * block + 16).map(remainder).sum::<f32>() / 16.0;
-        assert!((sums.remainders[[3, 1, block]] - 10.0 * mean).abs() < 1e-4);
-        assert!(sums.remainders[[3, 0, block]].abs() < 1e-4);
-    }
-    Ok(())
+    on_every_level(|_| {
+        let mut sums = Sums::new(rows, columns);
+        sums.add(&bytes, &[&nodes; 2], Some(tile), &[0.0; 10], None)?;
+        assert_eq!(sums.ones, expected[0]);
+        assert_eq!(sums.trials, expected[1]);
+        for block in 0..2 {
+            let remainder = |column: usize| {
+                let displacement = column as f32 / 8.0;
+                displacement.round_ties_even() - displacement
+            };
+            let mean: f32 = (16 * block..16 * block + 16).map(remainder).sum::<f32>() / 16.0;
+            assert!((sums.remainders[[3, 1, block]] - 10.0 * mean).abs() < 1e-4);
+            assert!(sums.remainders[[3, 0, block]].abs() < 1e-4);
+        }
+        Ok(())
+    })
 }
 
 #[test]
