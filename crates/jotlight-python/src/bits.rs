@@ -15,7 +15,6 @@ use crate::run;
 /// Add the number of ones of each pixel, over its jots and all frames, to `counts` `(N, H, W)`, for
 /// the packed bits of each of N images.
 #[pyfunction]
-#[pyo3(signature = (packed, width, oversampling, valid, counts, threads))]
 pub fn add_block_counts(
     py: Python<'_>,
     packed: Vec<PyReadonlyArray3<'_, u8>>,
@@ -42,8 +41,6 @@ pub fn add_block_counts(
 
 /// Add the number of ones of each square of jots in each block of frames to `counts`.
 #[pyfunction]
-#[pyo3(signature = (packed, width, side, before, length, weight, counts, threads))]
-#[allow(clippy::too_many_arguments)]
 pub fn add_counts_of_blocks(
     py: Python<'_>,
     packed: PyReadonlyArray3<'_, u8>,
@@ -68,7 +65,6 @@ pub fn add_counts_of_blocks(
 
 /// Write packed frames with rows and columns exchanged to `transposed`.
 #[pyfunction]
-#[pyo3(signature = (packed, width, transposed, threads))]
 pub fn transpose_bits(
     py: Python<'_>,
     packed: PyReadonlyArray3<'_, u8>,
@@ -84,7 +80,6 @@ pub fn transpose_bits(
 
 /// Reverse the order of the bits of each byte, in place.
 #[pyfunction]
-#[pyo3(signature = (packed, threads))]
 pub fn reverse_bytes(
     py: Python<'_>,
     mut packed: PyReadwriteArray1<'_, u8>,
@@ -99,7 +94,6 @@ pub fn reverse_bytes(
 
 /// Set the bits at the positions that a list states for each frame, and return the next frame.
 #[pyfunction]
-#[pyo3(signature = (positions, frame, packed, threads))]
 pub fn set_positions(
     py: Python<'_>,
     positions: PyReadonlyArray1<'_, u32>,

@@ -22,21 +22,18 @@ pub fn cpu_level() -> &'static str {
 
 /// Set the instruction set by its name, or select the fastest one for `None`.
 #[pyfunction]
-#[pyo3(signature = (name))]
 pub fn choose_cpu_level(name: Option<&str>) -> PyResult<()> {
     Level::choose(name).map_err(to_python)
 }
 
 /// Run fused multiply-adds, and return the number of floating-point operations.
 #[pyfunction]
-#[pyo3(signature = (rounds, threads))]
 pub fn multiply_adds(py: Python<'_>, rounds: usize, threads: Option<isize>) -> PyResult<u64> {
     run(py, threads, || Ok(roofline::multiply_adds(rounds)))
 }
 
 /// Return the wrapping sum of `words`.
 #[pyfunction]
-#[pyo3(signature = (words, threads))]
 pub fn read_words(
     py: Python<'_>,
     words: PyReadonlyArray1<'_, u64>,

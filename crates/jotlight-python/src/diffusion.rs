@@ -8,7 +8,6 @@ use crate::run;
 
 /// Write whole numbers with about the same sums along the rows into `out`, all `(H, W)`.
 #[pyfunction]
-#[pyo3(signature = (values, is_known, out, threads))]
 pub fn diffuse(
     py: Python<'_>,
     values: PyReadonlyArray2<'_, f64>,

@@ -66,7 +66,6 @@ fn to_engine<'a>(
 /// Replace `intensity`, the first guess of each pixel, with the maximum of the likelihood in
 /// [0, `highest`].
 #[pyfunction]
-#[pyo3(signature = (terms, shape, highest, offset, intensity, threads))]
 pub fn joint_maximum(
     py: Python<'_>,
     terms: Vec<PyTerm<'_>>,
@@ -85,8 +84,6 @@ pub fn joint_maximum(
 /// Replace `intensity`, the first guess of each pixel, with the intensity in [0, `highest`] at which
 /// the expected sum of the readings is `total`.
 #[pyfunction]
-#[pyo3(signature = (terms, shape, total, highest, offset, intensity, threads))]
-#[allow(clippy::too_many_arguments)]
 pub fn joint_solution(
     py: Python<'_>,
     terms: Vec<PyTerm<'_>>,

@@ -3,6 +3,10 @@
 //! Each function converts its arguments, releases the GIL, and calls a function of the crate
 //! `jotlight`, which documents it. The modules have the names of the modules of `jotlight`.
 #![allow(missing_docs)]
+#![allow(
+    clippy::too_many_arguments,
+    reason = "separate arguments have names in `_engine.pyi`, a tuple has none"
+)]
 
 mod arguments;
 mod bits;

@@ -36,7 +36,6 @@ impl PyReadings<'_> {
 
 /// Return ℓ of each image, where `light` `(N, cells)` is the light of each element.
 #[pyfunction]
-#[pyo3(signature = (readings, light, threads))]
 pub fn log_likelihood(
     py: Python<'_>,
     readings: PyReadings<'_>,
@@ -60,7 +59,6 @@ pub fn log_likelihood(
 
 /// Write ∂ℓ/∂s of each element into `gradient`, and −∂²ℓ/∂s² into `curvature`.
 #[pyfunction]
-#[pyo3(signature = (readings, light, gradient, curvature, threads))]
 pub fn likelihood_gradient_and_curvature(
     py: Python<'_>,
     readings: PyReadings<'_>,
@@ -78,7 +76,6 @@ pub fn likelihood_gradient_and_curvature(
 
 /// Write the Fisher information of each element about its light into `information`.
 #[pyfunction]
-#[pyo3(signature = (readings, light, information, threads))]
 pub fn likelihood_information(
     py: Python<'_>,
     readings: PyReadings<'_>,
@@ -93,7 +90,6 @@ pub fn likelihood_information(
 
 /// Replace `point` with the minimizer in [0, `max_light`] of −ℓ(x) + ½ `penalty` (x − point)².
 #[pyfunction]
-#[pyo3(signature = (readings, penalty, max_light, guess, point, threads))]
 pub fn likelihood_proximal(
     py: Python<'_>,
     readings: PyReadings<'_>,
@@ -113,8 +109,6 @@ pub fn likelihood_proximal(
 /// Update `x` and `dual` of each image by one ADMM iteration with its own penalty, and return
 /// ‖light − x‖² of each. The arrays have the shape `(N, cells)`.
 #[pyfunction]
-#[pyo3(signature = (readings, step, max_light, light, x, dual, threads))]
-#[allow(clippy::too_many_arguments)]
 pub fn likelihood_admm_update(
     py: Python<'_>,
     readings: PyReadings<'_>,

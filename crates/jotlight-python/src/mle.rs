@@ -63,7 +63,6 @@ impl PyJotResponses<'_> {
 
 /// Write the estimate from the count of each pixel into `out`.
 #[pyfunction]
-#[pyo3(signature = (response, counts, trials, jots, out, threads))]
 pub fn mle_from_counts(
     py: Python<'_>,
     response: PyPixelResponse,
@@ -83,7 +82,6 @@ pub fn mle_from_counts(
 
 /// Write the value of the number of ones of each pixel into `out`.
 #[pyfunction]
-#[pyo3(signature = (packed, width, oversampling, table, out, threads))]
 pub fn look_up_counts(
     py: Python<'_>,
     packed: PyReadonlyArray3<'_, u8>,
@@ -103,8 +101,6 @@ pub fn look_up_counts(
 /// `out`. Equivalent pixels of an image have the number of readings that `reference_trials` states,
 /// and jots with the response `reference`.
 #[pyfunction]
-#[pyo3(signature = (response, counts, trials, jots, reference_trials, reference, out, threads))]
-#[allow(clippy::too_many_arguments)]
 pub fn equivalent_counts(
     py: Python<'_>,
     response: PyPixelResponse,
@@ -153,7 +149,6 @@ pub fn equivalent_counts(
 
 /// Write the intensity for each detection probability into `out`.
 #[pyfunction]
-#[pyo3(signature = (response, probability, jot, out, threads))]
 pub fn mle_from_probability(
     py: Python<'_>,
     response: PyPixelResponse,
@@ -173,9 +168,6 @@ pub fn mle_from_probability(
 /// responses. `ones` `(N, jots)` belong to N images, and all other maps to each of them. `width` is
 /// the number of pixels per row.
 #[pyfunction]
-#[pyo3(signature = (response, ones, jots, dead, frames, oversampling, width, out, threads))]
-// More than nine parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
-#[allow(clippy::too_many_arguments)]
 pub fn mle_from_jots(
     py: Python<'_>,
     response: PyPixelResponse,

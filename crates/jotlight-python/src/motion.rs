@@ -49,7 +49,6 @@ pub fn counts_of<'a, C: Element>(
 
 /// Add values of the jots along a motion to `out`. The motion is that of [`count_shifted`].
 #[pyfunction]
-#[pyo3(signature = (values, fields, tile, times, out, threads))]
 pub fn add_shifted_values(
     py: Python<'_>,
     values: PyReadonlyArray3<'_, f32>,
@@ -73,10 +72,6 @@ pub fn add_shifted_values(
 /// `tile` is the width of the tiles of the fields, or None for a displacement of each pixel. At time
 /// n, a frame has the displacements of field n.
 #[pyfunction]
-#[pyo3(signature = (
-    packed, width, fields, tile, times, valid, ones, trials, remainders, threads
-))]
-#[allow(clippy::too_many_arguments)]
 pub fn count_shifted(
     py: Python<'_>,
     packed: PyReadonlyArray3<'_, u8>,
@@ -119,7 +114,6 @@ pub struct FilteredTemplate(pub(crate) Template);
 #[pymethods]
 impl FilteredTemplate {
     #[new]
-    #[pyo3(signature = (probability, trials, sigma, threads))]
     fn new(
         py: Python<'_>,
         probability: PyReadonlyArray2<'_, f32>,
@@ -137,7 +131,6 @@ type PyEquations<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// Return the normal equations of the displacement errors of all tiles.
 #[pyfunction]
-#[pyo3(signature = (template, ones, trials, remainders, frames, threads))]
 pub fn displacement_equations<'py>(
     py: Python<'py>,
     template: Py<FilteredTemplate>,
@@ -162,7 +155,6 @@ pub fn displacement_equations<'py>(
 
 /// Return the remainders of the same counts along a changed motion.
 #[pyfunction]
-#[pyo3(signature = (remainders, change, frames))]
 pub fn changed_remainders<'py>(
     py: Python<'py>,
     remainders: PyReadonlyArray3<'_, f32>,
@@ -177,7 +169,6 @@ pub fn changed_remainders<'py>(
 
 /// Write images into `out` after a Gaussian filter.
 #[pyfunction]
-#[pyo3(signature = (images, sigma, out, threads))]
 pub fn blur(
     py: Python<'_>,
     images: PyReadonlyArray3<'_, f32>,
@@ -192,7 +183,6 @@ pub fn blur(
 /// Write probabilities into `out` after their pixels are moved by the mean remainders, from `least` to
 /// 1 - `least`.
 #[pyfunction]
-#[pyo3(signature = (image, remainders, frames, least, out, threads))]
 pub fn undo_remainders(
     py: Python<'_>,
     image: PyReadonlyArray2<'_, f32>,
@@ -211,7 +201,6 @@ pub fn undo_remainders(
 
 /// Write χ² of each pixel into `out`.
 #[pyfunction]
-#[pyo3(signature = (ones, trials, probability, trials_of_template, out, threads))]
 pub fn chi_squared(
     py: Python<'_>,
     ones: PyCounts<'_>,
@@ -235,7 +224,6 @@ pub fn chi_squared(
 
 /// Write how much two parts of the frames disagree in each square of pixels into `out`.
 #[pyfunction]
-#[pyo3(signature = (ones, trials, other_ones, other_trials, out, threads))]
 pub fn disagreement(
     py: Python<'_>,
     ones: PyCounts<'_>,
@@ -259,8 +247,6 @@ pub fn disagreement(
 ///
 /// `filters` are the widths of the filters between which details are correlated, in pixels.
 #[pyfunction]
-#[pyo3(signature = (blocks, corners, size, filters, lags, line, threads))]
-#[allow(clippy::too_many_arguments)]
 pub fn velocity_scores<'py>(
     py: Python<'py>,
     blocks: PyReadonlyArray3<'_, i32>,
@@ -285,7 +271,6 @@ pub fn velocity_scores<'py>(
 
 /// Return the largest sums of shifted scores, each with its row and its column.
 #[pyfunction]
-#[pyo3(signature = (scores, shifts, threads))]
 pub fn peak_of_shifted_scores(
     py: Python<'_>,
     scores: PyReadonlyArray3<'_, f32>,

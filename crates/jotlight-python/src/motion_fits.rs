@@ -14,7 +14,6 @@ type PyAffineFit<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// Return the affine displacement errors of a segment, and the information about its coefficients.
 #[pyfunction]
-#[pyo3(signature = (information, right, weights, basis))]
 pub fn fit_affine<'py>(
     py: Python<'py>,
     information: PyReadonlyArray3<'_, f64>,
@@ -40,7 +39,6 @@ pub fn fit_affine<'py>(
 ///
 /// `smoothness` is the tuple (λ1, λ2, ρ).
 #[pyfunction]
-#[pyo3(signature = (information, right, now, predicted, basis, smoothness))]
 pub fn solve_field<'py>(
     py: Python<'py>,
     information: PyReadonlyArray3<'_, f64>,
@@ -103,7 +101,6 @@ type PyFits<'py> = (Bound<'py, PyArray4<f64>>, Bound<'py, PyArray3<f64>>);
 /// Return the affine displacement errors of blocks that are part of a template, and the information
 /// about their coefficients.
 #[pyfunction]
-#[pyo3(signature = (template, share, blocks, weights, basis, threads))]
 pub fn fit_blocks<'py>(
     py: Python<'py>,
     template: Py<FilteredTemplate>,

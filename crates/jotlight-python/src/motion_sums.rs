@@ -13,7 +13,6 @@ use crate::{run, run_alone};
 
 /// Add images of counts to `out`.
 #[pyfunction]
-#[pyo3(signature = (parts, out, threads))]
 pub fn add_counts(
     py: Python<'_>,
     parts: Vec<PyReadonlyArray2<'_, i32>>,
@@ -27,8 +26,6 @@ pub fn add_counts(
 
 /// Add the counts of the pixels that pass a test to sums, and write these pixels into `mask`.
 #[pyfunction]
-#[pyo3(signature = (test, limit, ones, trials, total_ones, total_trials, mask, threads))]
-#[allow(clippy::too_many_arguments)]
 pub fn add_accepted(
     py: Python<'_>,
     test: PyReadonlyArray2<'_, f32>,
@@ -61,7 +58,6 @@ type PyTested<'py> = (
 /// pixels into their masks. Return for each block whether the light is the same, so that this was
 /// done.
 #[pyfunction]
-#[pyo3(signature = (template, limits, blocks, accepted, available, threads))]
 pub fn accept_agreeing(
     py: Python<'_>,
     template: (PyReadonlyArray2<'_, f32>, PyReadonlyArray2<'_, i32>),
@@ -97,7 +93,6 @@ pub fn accept_agreeing(
 
 /// Return the ratio of the ones to the number that a template predicts, from 0.1 to 10.
 #[pyfunction]
-#[pyo3(signature = (ones, trials, probability, threads))]
 pub fn brightness(
     py: Python<'_>,
     ones: PyCounts<'_>,
@@ -114,7 +109,6 @@ pub fn brightness(
 
 /// Return the ratio of the brightness of two parts of the frames, from 0.1 to 10.
 #[pyfunction]
-#[pyo3(signature = (ones, trials, other_ones, other_trials, threads))]
 pub fn relative_brightness(
     py: Python<'_>,
     ones: PyCounts<'_>,
@@ -141,8 +135,6 @@ type PyFront<'py> = (u8, PyReadonlyArray3<'py, f32>);
 
 /// Add the gain of an object over other segments in a block to `out`, (3, H, W).
 #[pyfunction]
-#[pyo3(signature = (label, ones, trials, predicted, others, labels, out, threads))]
-#[allow(clippy::too_many_arguments)]
 pub fn add_object_gain(
     py: Python<'_>,
     label: u8,
@@ -178,7 +170,6 @@ pub fn add_object_gain(
 
 /// Set `out` to True where pixels are behind segments in front.
 #[pyfunction]
-#[pyo3(signature = (fronts, labels, out, threads))]
 pub fn mark_covered(
     py: Python<'_>,
     fronts: Vec<PyFront<'_>>,
@@ -200,7 +191,6 @@ pub fn mark_covered(
 
 /// Set `out` to the pixels whose gain minus the cost of their outline is largest.
 #[pyfunction]
-#[pyo3(signature = (gain, length, out, threads))]
 pub fn shortest_outlines(
     py: Python<'_>,
     gain: PyReadonlyArray2<'_, f32>,
@@ -214,7 +204,6 @@ pub fn shortest_outlines(
 
 /// Return the most probable curve of a motion, (n, 6).
 #[pyfunction]
-#[pyo3(signature = (estimates, information, ratios, threads))]
 pub fn smooth_curve<'py>(
     py: Python<'py>,
     estimates: PyReadonlyArray2<'_, f64>,
@@ -233,7 +222,6 @@ pub fn smooth_curve<'py>(
 /// Return -2 times the logarithm of the probability of estimates under weights, without a constant,
 /// and the most probable curve, (n, 6).
 #[pyfunction]
-#[pyo3(signature = (estimates, information, ratios, weights))]
 pub fn cost_of_curve<'py>(
     py: Python<'py>,
     estimates: PyReadonlyArray2<'_, f64>,

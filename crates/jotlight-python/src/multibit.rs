@@ -50,9 +50,6 @@ impl PyCells<'_> {
 /// Draw the readings of a window of frames, rows, and columns of the images `(N, H, W)` into `out`
 /// `(N, frames, rows, columns)`. Each image has its seed and channel.
 #[pyfunction]
-#[pyo3(signature = (sensor, response, images, streams, frames, rows, columns, out, threads))]
-// Many parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
-#[allow(clippy::too_many_arguments)]
 pub fn draw_readings(
     py: Python<'_>,
     sensor: PySensor<'_>,
@@ -75,7 +72,6 @@ pub fn draw_readings(
 
 /// Return the log-likelihood of cells, where `light` is the light of each.
 #[pyfunction]
-#[pyo3(signature = (response, cells, light, threads))]
 pub fn readings_log_likelihood(
     py: Python<'_>,
     response: PyResponse,
@@ -91,7 +87,6 @@ pub fn readings_log_likelihood(
 /// Write the derivative of the log-likelihood of each cell about its light into `gradient`, and
 /// minus the second one into `curvature`.
 #[pyfunction]
-#[pyo3(signature = (response, cells, light, gradient, curvature, threads))]
 pub fn readings_gradient_and_curvature(
     py: Python<'_>,
     response: PyResponse,
@@ -111,7 +106,6 @@ pub fn readings_gradient_and_curvature(
 
 /// Write log P(R = reading) at each rate into `out`.
 #[pyfunction]
-#[pyo3(signature = (response, readings, rates, out, threads))]
 pub fn readings_log_probability(
     py: Python<'_>,
     response: PyResponse,
@@ -136,7 +130,6 @@ pub fn readings_log_probability(
 /// Write P(R = r) at each rate into `out` `(rates, length)`, for r = 0, 1, …, and 0 beyond the
 /// highest reading.
 #[pyfunction]
-#[pyo3(signature = (response, rates, out, threads))]
 pub fn readings_distribution(
     py: Python<'_>,
     response: PyResponse,
@@ -157,7 +150,6 @@ pub fn readings_distribution(
 
 /// Write the Fisher information of a reading about each rate into `information`.
 #[pyfunction]
-#[pyo3(signature = (response, rates, information, threads))]
 pub fn readings_information(
     py: Python<'_>,
     response: PyResponse,
@@ -179,7 +171,6 @@ pub fn readings_information(
 /// Write the mean of a reading, its variance, and the derivative of the mean at each rate into
 /// `moments` `(rates, 3)`.
 #[pyfunction]
-#[pyo3(signature = (response, rates, moments, threads))]
 pub fn readings_moments(
     py: Python<'_>,
     response: PyResponse,

@@ -44,9 +44,6 @@ impl PySensor<'_> {
 /// Draw the bits of a window of frames, rows, and columns of the images `(N, H, W)` into `out`
 /// `(N, frames, rows, bytes)`. Each image has its seed and channel.
 #[pyfunction]
-#[pyo3(signature = (sensor, images, streams, frames, rows, columns, out, threads))]
-// Many parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
-#[allow(clippy::too_many_arguments)]
 pub fn expose(
     py: Python<'_>,
     sensor: PySensor<'_>,
@@ -100,7 +97,6 @@ pub fn draw_images<T: Send + Sync>(
 /// Draw the counts of `frames` frames of an image `(H, W)` into `out`. Counts with different numbers
 /// `index` are independent.
 #[pyfunction]
-#[pyo3(signature = (sensor, frames, image, seed, index, out))]
 pub fn draw_counts(
     py: Python<'_>,
     sensor: PySensor<'_>,
@@ -118,7 +114,6 @@ pub fn draw_counts(
 
 /// Write the rates of rows of jots into `out`. The first row of `out` is the row `first` of jots.
 #[pyfunction]
-#[pyo3(signature = (sensor, image, first, out, threads))]
 pub fn rate(
     py: Python<'_>,
     sensor: PySensor<'_>,
@@ -134,7 +129,6 @@ pub fn rate(
 /// Write the detection probabilities of rows of jots into `out`. The first row of `out` is the row
 /// `first` of jots.
 #[pyfunction]
-#[pyo3(signature = (sensor, image, first, out, threads))]
 pub fn probability(
     py: Python<'_>,
     sensor: PySensor<'_>,
@@ -166,7 +160,6 @@ impl PySpread {
 
 /// Write gain · G of each image `(N, H, W)` into `out`.
 #[pyfunction]
-#[pyo3(signature = (spread, images, out, threads))]
 pub fn spread_forward(
     py: Python<'_>,
     spread: PySpread,
@@ -188,7 +181,6 @@ pub fn spread_forward(
 
 /// Write gain · Gᵀ of the jots of each image `(N, H·K̂, W·K̂)` into `out`.
 #[pyfunction]
-#[pyo3(signature = (spread, jots, out, threads))]
 pub fn spread_adjoint(
     py: Python<'_>,
     spread: PySpread,
@@ -209,7 +201,6 @@ pub fn spread_adjoint(
 
 /// Write gain² · Gᵀ diag(weights) G of each image `(N, H, W)` into `out`.
 #[pyfunction]
-#[pyo3(signature = (spread, weights, images, out, threads))]
 pub fn spread_normal(
     py: Python<'_>,
     spread: PySpread,

@@ -21,7 +21,6 @@ fn norm(isotropic: bool) -> Norm {
 
 /// Write the differences to the pixels below and on the right into `out`.
 #[pyfunction]
-#[pyo3(signature = (images, out, threads))]
 pub fn differences(
     py: Python<'_>,
     images: PyReadonlyArray3<'_, f64>,
@@ -41,7 +40,6 @@ pub fn differences(
 
 /// Write Dᵀ `differences` into `out`, where D maps an image to its differences.
 #[pyfunction]
-#[pyo3(signature = (differences, out, threads))]
 pub fn differences_adjoint(
     py: Python<'_>,
     differences: PyReadonlyArray4<'_, f64>,
@@ -61,7 +59,6 @@ pub fn differences_adjoint(
 
 /// Replace `differences` with the minimizer v of Σ threshold · |v| + ½ ‖v − differences‖².
 #[pyfunction]
-#[pyo3(signature = (differences, threshold, isotropic, threads))]
 pub fn shrink(
     py: Python<'_>,
     mut differences: PyReadwriteArray4<'_, f64>,
@@ -85,7 +82,6 @@ pub fn shrink(
 
 /// Return Σ weight · |differences| of each image.
 #[pyfunction]
-#[pyo3(signature = (differences, weight, isotropic, threads))]
 pub fn total_variation(
     py: Python<'_>,
     differences: PyReadonlyArray4<'_, f64>,
@@ -109,8 +105,6 @@ pub fn total_variation(
 /// Update `x` and `dual` of each image by one ADMM iteration with its own penalty, and return
 /// ‖D image − x‖² of each.
 #[pyfunction]
-#[pyo3(signature = (step, weight, isotropic, images, x, dual, threads))]
-#[allow(clippy::too_many_arguments)]
 pub fn total_variation_admm_update(
     py: Python<'_>,
     step: PyAdmmStep<'_>,

@@ -9,7 +9,6 @@ use crate::run;
 
 /// Write the Anscombe transform of the number of ones among `trials` readings into `out`.
 #[pyfunction]
-#[pyo3(signature = (counts, trials, out, threads))]
 pub fn anscombe(
     py: Python<'_>,
     counts: PyReadonlyArray1<'_, f32>,
@@ -25,7 +24,6 @@ pub fn anscombe(
 
 /// Write the algebraic inverse of the Anscombe transform into `out`.
 #[pyfunction]
-#[pyo3(signature = (z, trials, out, threads))]
 pub fn inverse_anscombe_algebraic(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,
@@ -41,7 +39,6 @@ pub fn inverse_anscombe_algebraic(
 
 /// Write the exact unbiased inverse of the Anscombe transform into `out`.
 #[pyfunction]
-#[pyo3(signature = (z, trials, out, threads))]
 pub fn inverse_anscombe_exact(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,

@@ -11,7 +11,6 @@ use crate::run;
 /// Write the planes that the network computes from the sums p of its first layer, `(C, H, W)` for
 /// each image, into `out`, `(1, H, W)` for gray images. Images may differ in size.
 #[pyfunction]
-#[pyo3(signature = (layers, sums, out, threads))]
 pub fn forward(
     py: Python<'_>,
     layers: Vec<Py<PreparedLayer>>,
@@ -31,7 +30,6 @@ pub fn forward(
 
 /// Write the images that the network computes from the bits of each into `out`.
 #[pyfunction]
-#[pyo3(signature = (layers, packed, width, out, threads))]
 pub fn forward_bits(
     py: Python<'_>,
     layers: Vec<Py<PreparedLayer>>,

@@ -57,7 +57,6 @@ pub struct PyNetwork(Network);
 impl PyNetwork {
     /// A network for one sensor, or for a range of K, of counts or of planes.
     #[new]
-    #[pyo3(signature = (layers, sensor, trials_range, reads_planes, rotations))]
     fn new(
         layers: Vec<PyLayerParameters<'_>>,
         sensor: PySensorModel,
@@ -132,8 +131,6 @@ impl PyNetwork {
     }
 
     /// Write the images of the bits of each into `out`.
-    #[pyo3(signature = (packed, width, oversampling, sensor, out, threads))]
-    #[allow(clippy::too_many_arguments)]
     fn bits(
         &self,
         py: Python<'_>,
@@ -158,8 +155,6 @@ impl PyNetwork {
     }
 
     /// Write the images of counts `(N, H, W)` into `out`. All pixels have the same trials and jots.
-    #[pyo3(signature = (counts, trials, jot, sensor, out, threads))]
-    #[allow(clippy::too_many_arguments)]
     fn counts(
         &self,
         py: Python<'_>,
@@ -191,8 +186,6 @@ impl PyNetwork {
     }
 
     /// Write the images of counts that equal jots would show among `of` bits into `out`.
-    #[pyo3(signature = (counts, of, trials, sensor, out, threads))]
-    #[allow(clippy::too_many_arguments)]
     fn equivalent_counts(
         &self,
         py: Python<'_>,
@@ -226,7 +219,6 @@ impl PyNetwork {
 
     /// Return the sums p of the first layer from the bits of each image, whose dead jots are the
     /// same.
-    #[pyo3(signature = (packed, width, valid, threads))]
     fn masked_sums<'py>(
         &self,
         py: Python<'py>,
@@ -245,7 +237,6 @@ impl PyNetwork {
     }
 
     /// Write the images of the sums of the first layer, `(C, H, W)` each, into `out`.
-    #[pyo3(signature = (sums, sensor, out, threads))]
     fn sums(
         &self,
         py: Python<'_>,
@@ -266,7 +257,6 @@ impl PyNetwork {
     }
 
     /// Return the outputs of the last layer for images of counts among K = `trials` bits.
-    #[pyo3(signature = (counts, trials, zeros, threads))]
     fn run_counts<'py>(
         &self,
         py: Python<'py>,
@@ -284,7 +274,6 @@ impl PyNetwork {
     }
 
     /// Return the probabilities from fractions of ones, or of zeros, and the local trials.
-    #[pyo3(signature = (fractions, trials, zeros, threads))]
     fn denoise<'py>(
         &self,
         py: Python<'py>,
@@ -300,7 +289,6 @@ impl PyNetwork {
     }
 
     /// Return the outputs `(C, H, W)` of a network for planes `(P, H, W)`.
-    #[pyo3(signature = (planes, trials, threads))]
     fn improve<'py>(
         &self,
         py: Python<'py>,

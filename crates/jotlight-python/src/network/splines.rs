@@ -25,7 +25,6 @@ type PyGradients<'py> = (Bound<'py, PyAny>, Bound<'py, PyArray2<f64>>);
 
 /// Apply the spline of each channel to planes, and return the results.
 #[pyfunction]
-#[pyo3(signature = (planes, start, spacing, threads))]
 pub fn activate<'py>(
     py: Python<'py>,
     planes: PyPlanes<'py>,
@@ -53,7 +52,6 @@ fn activate_planes<'py, F: Compiled + Element>(
 /// Return the gradients with respect to planes and coefficients. `gradient` is the gradient with
 /// respect to the result of `activate`.
 #[pyfunction]
-#[pyo3(signature = (planes, gradient, start, spacing, threads))]
 pub fn activate_backward<'py>(
     py: Python<'py>,
     planes: PyPlanes<'py>,

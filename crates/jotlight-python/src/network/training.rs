@@ -88,7 +88,6 @@ fn to_arrays(py: Python<'_>, squared_errors: Vec<f64>, pixels: Vec<usize>) -> Sq
 
 /// Return the squared error of each patch, and the number of pixels in its sum.
 #[pyfunction]
-#[pyo3(signature = (layers, batch, threads))]
 pub fn squared_errors<'py>(
     py: Python<'py>,
     layers: PyLayers<'py>,
@@ -105,7 +104,6 @@ pub fn squared_errors<'py>(
 
 /// Return the squared errors, and the gradient of the cost.
 #[pyfunction]
-#[pyo3(signature = (layers, batch, threads))]
 pub fn gradient<'py>(
     py: Python<'py>,
     layers: PyLayers<'py>,
@@ -123,7 +121,6 @@ pub fn gradient<'py>(
 
 /// Return the squared errors, the gradient of the cost, and the matrix of the normal equations.
 #[pyfunction]
-#[pyo3(signature = (layers, batch, threads))]
 pub fn normal_equations<'py>(
     py: Python<'py>,
     layers: PyLayers<'py>,

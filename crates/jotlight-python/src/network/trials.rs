@@ -82,7 +82,6 @@ pub fn level_weights<'py>(
 /// Return the number of trials that states the noise around each pixel of each map: one number, or a
 /// map.
 #[pyfunction]
-#[pyo3(signature = (maps, threads))]
 pub fn local_trials(
     py: Python<'_>,
     maps: Vec<PyReadonlyArray2<'_, f64>>,
