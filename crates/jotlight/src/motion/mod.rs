@@ -14,6 +14,29 @@
 //! [`velocity_scores`] computes how probable velocities are in windows of the scene. The alignment
 //! begins with it. [`add_object_gain`] computes where objects explain the bits better than what is
 //! behind them.
+//!
+//! The submodules in reading order:
+//!
+//! 1. `field` holds displacements, `columns` interpolates them between tiles, `bounds` bounds them,
+//!    and `row` computes those of a row. `rounding` rounds them to shifts.
+//! 2. `lines` and `search` find parts of rows with one shift, `source` copies the bits that such
+//!    parts see, and `frames` divides the frames into groups.
+//! 3. `shifted_counts` counts the bits along a motion, with the counters of `row_counter` and the
+//!    shifts of `shift_sums`. `shifted_values` adds values of the jots instead.
+//! 4. `count` and `sums` hold the results for a block of frames. `block_sums` adds them, and
+//!    `remainders` changes their motion.
+//! 5. `filter`, `boxes`, and `gradient` compute with rows of images.
+//! 6. `template` holds the probabilities to which blocks are compared, and `brightness` the
+//!    brightness of a block.
+//! 7. `equations` computes the normal equations of tiles. `affine` fits an affine motion to them,
+//!    `fits` does so for many blocks, and `solve_field` computes smooth fields with `tile_matrix`.
+//!    `curve` joins the affine motions of blocks in time.
+//! 8. `chi_squared` tests which pixels agree with the template, `acceptance` adds their counts, and
+//!    `disagreement` compares parts of the frames.
+//! 9. `velocity_scores` and `shifted_scores` search for motions from the start, by the correlations
+//!    of `spectra`.
+//! 10. `object_gain` compares objects with what is behind them, `relative` relates the pixels of
+//!     both, and `short_outlines` draws their outlines.
 
 mod acceptance;
 mod affine;
