@@ -1,6 +1,8 @@
 """The command line and the code of the page make the image that it shows."""
 
+import contextlib
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +25,8 @@ from moving import record
 PHOTO = jl.datasets.photograph("camera")[100:140, 180:240]
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def save_files():
+    """Save the captures and maps of all tests in the current folder."""
     sensor = jl.Sensor(frames=60, gain=40.0)
     jl.save(sensor.expose(PHOTO, rng=0), "own sensor.npy")
     jl.save(sensor.expose(PHOTO, rng=0), "-x.npy")
@@ -74,6 +75,22 @@ def folder(tmp_path, monkeypatch):
     dark = np.full((128, 128), 0.001)
     dark[::8, ::8] = 0.02  # hot for the largest intensity 1, and not for that of saturation
     np.save("dark.npy", dark)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Return a folder with the files."""
+    folder = tmp_path_factory.mktemp("files")
+    with contextlib.chdir(folder):
+        save_files()
+    return folder
+
+
+@pytest.fixture
+def folder(files, tmp_path, monkeypatch):
+    """Return the current folder of a test, with copies of the files."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
 
