@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from jotlight._engine import __version__
 from jotlight.cli.applied_calibration import (
@@ -12,8 +12,7 @@ from jotlight.cli.applied_calibration import (
     check_record,
     record_path,
 )
-from jotlight.cli.captured import Captured
-from jotlight.evaluation.choice import Choice
+from jotlight.cli.inputs import Reconstruction
 from jotlight.evaluation.records import maps_sha256
 from jotlight.evaluation.weights import weights_sha256
 from jotlight.files import write_file
@@ -23,38 +22,6 @@ from jotlight.sensing.bits import Bits
 
 _NO_PLACE = (".npy", ".npz")
 """Endings of files that have no place for a note."""
-
-
-class Made(Protocol):
-    """What a result was made of, and how: a ``jotlight.cli.inputs.Reconstruction``."""
-
-    @property
-    def path(self) -> Path | str:
-        """The capture."""
-
-    @property
-    def captured(self) -> Captured:
-        """Its content, and the sensor."""
-
-    @property
-    def choice(self) -> Choice:
-        """The method."""
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Arguments of the method."""
-
-    @property
-    def calibration(self) -> AppliedCalibration | None:
-        """The calibration that is applied."""
-
-    @property
-    def model(self) -> Path | None:
-        """File of the user's network."""
-
-    @property
-    def record_arguments(self) -> tuple[Any, ...]:
-        """Arguments of :meth:`AppliedCalibration.description`."""
 
 
 class Records:
@@ -102,7 +69,7 @@ class Records:
         self,
         files: Sequence[Path],
         outputs: Sequence[Path],
-        job: Made,
+        job: Reconstruction,
         origin: Mapping[str, Any],
     ) -> None:
         """Write temporary files, in the order of :meth:`paths`.
@@ -121,7 +88,7 @@ class Records:
 
 
 def origin_of(
-    job: Made, checksum: tuple[int, int], motion: Mapping[str, Any] | None
+    job: Reconstruction, checksum: tuple[int, int], motion: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     """Return what a result was made of, and how, in addition to its sensor and method.
 
