@@ -120,14 +120,15 @@ class SensorOptions:
         ),
     ] = None
 
-    def _set(self) -> dict[str, Any]:
+    def stated(self) -> dict[str, Any]:
+        """Return the values of the options that the user passes, by the names of the parameters."""
         fields = (field.name for field in dataclasses.fields(SensorOptions))
         values = {name: getattr(self, name) for name in fields}
         return {name: value for name, value in values.items() if value is not None}
 
     def to_kwargs(self) -> dict[str, Any]:
         """Return the keyword arguments of a Sensor, with maps read from their files."""
-        kwargs = self._set()
+        kwargs = self.stated()
         for name in ("dark_counts", "efficiency"):
             if name in kwargs:
                 kwargs[name] = number_or_map(name, kwargs[name])
@@ -150,7 +151,7 @@ class SensorOptions:
 
     def map_files(self) -> list[Path]:
         """Return the files that hold maps."""
-        values = self._set()
+        values = self.stated()
         maps = [Path(values[name]) for name in _MAPS if name in values]
         threshold, mosaic = (str(values.get(name, "")) for name in ("threshold", "mosaic"))
         others = [threshold] * is_map(threshold) + [mosaic] * mosaic.endswith(".json")
@@ -160,7 +161,7 @@ class SensorOptions:
         """Return the options as words of a command line."""
         return [
             word
-            for name, value in self._set().items()
+            for name, value in self.stated().items()
             for word in (f"--{name.replace('_', '-')}", str(value))
         ]
 

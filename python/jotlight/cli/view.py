@@ -202,7 +202,7 @@ def _of_window(sensor: CapturedSensorOptions) -> tuple[str, ...]:
 
 def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str]:
     """Return lines of Python after which `sensor` is the sensor of the data."""
-    kwargs, data = dict(sensor._set()), variable(captured.sensor)
+    kwargs, data = sensor.stated(), variable(captured.sensor)
     for name in ("frames", *_of_window(sensor)):  # the page sets those of a window
         kwargs.pop(name, None)
     imports: list[str] = []
