@@ -46,7 +46,7 @@ class Bulk:
     Parameters
     ----------
     frames : int
-        N, the number of frames.
+        T, the number of frames.
     mean : float
         Mean probability that a jot reports 1 in a frame.
     spread : float
@@ -76,7 +76,7 @@ class Bulk:
 
     @underflows_to_0
     def threshold(self, false_positive_rate: float) -> int:
-        """Return the smallest count whose tail probability is at most the rate, or N + 1.
+        """Return the smallest count whose tail probability is at most the rate, or T + 1.
 
         Examples
         --------
@@ -175,7 +175,7 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
     counts : ndarray of int
         L, in any shape.
     frames : int
-        N.
+        T.
 
     Examples
     --------

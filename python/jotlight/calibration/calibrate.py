@@ -62,7 +62,7 @@ def calibrate(
         The same for an evenly lit surface, out of focus, with the exposure time of the dark
         capture. About half of the bits should be ones.
     frames, flat_frames : int, optional
-        N: the number of frames of counts. Bits do not need it. Default of `flat_frames`: `frames`.
+        T: the number of frames of counts. Bits do not need it. Default of `flat_frames`: `frames`.
     threshold : int, optional
         q: the number of photons that make a jot report 1. Default: that of the sensor that the
         bits carry, or 1.

@@ -169,10 +169,10 @@ def _ordinary(
 def _counting_noise(
     flat: JotCounts, dark: JotCounts, light: Rates, bad: npt.NDArray[np.bool_]
 ) -> Rates:
-    """Return the variance of L/N - P(q, d + light), estimated from the counts of each jot.
+    """Return the variance of L/T - P(q, d + light), estimated from the counts of each jot.
 
-    The variance of L/N is exactly the mean of (L/N)(1 - L/N)/(N - 1), whatever the response is.
-    For q = 1, P is linear in the L/N of the dark capture, so the same holds for its part. Otherwise
+    The variance of L/T is exactly the mean of (L/T)(1 - L/T)/(T - 1), whatever the response is.
+    For q = 1, P is linear in the L/T of the dark capture, so the same holds for its part. Otherwise
     that part is known to first order, and is no more than the scatter of d over the jots.
     """
     of_flat, of_dark = (

@@ -20,19 +20,19 @@ class JotCounts:
     ones: Counts
     """L: the number of ones of each jot."""
     frames: int
-    """N: the number of frames."""
+    """T: the number of frames."""
     threshold: int
     """q: the number of photons that make a jot report 1."""
 
     @property
     def fractions(self) -> Rates:
-        """L/N of each jot."""
+        """L/T of each jot."""
         return np.asarray(self.ones / self.frames)
 
     def detections(self) -> Rates:
-        """Return the most likely detections per frame of each jot: P⁻¹(q, L/N).
+        """Return the most likely detections per frame of each jot: P⁻¹(q, L/T).
 
-        For L = N, they would be infinite, so N - 1/2 replaces L.
+        For L = T, they would be infinite, so T - 1/2 replaces L.
 
         Examples
         --------
@@ -50,8 +50,8 @@ class JotCounts:
     def variance(self, rates: Rates) -> Rates:
         """Return the variance of :meth:`detections` of jots with these rates, to first order.
 
-        It is p(1 - p)/N divided by the square of ∂P/∂s. Rates are clipped to those of 1/2 and
-        N - 1/2 counts.
+        It is p(1 - p)/T divided by the square of ∂P/∂s. Rates are clipped to those of 1/2 and
+        T - 1/2 counts.
         """
         low, high = (
             engine.inverse_detection_probability(self.threshold, fraction)

@@ -38,7 +38,7 @@ class LocalLight:
     error : ndarray of float64
         Standard error of the light.
     excess : ndarray of float64
-        L/N - P(q, d + light): how many more ones per frame a jot reports than with the ordinary
+        L/T - P(q, d + light): how many more ones per frame a jot reports than with the ordinary
         response.
     slope : ndarray of float64
         How many more ones per frame it reports with the relative response 1 + x, divided by x, for

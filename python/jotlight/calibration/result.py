@@ -60,7 +60,7 @@ class Calibration(CalibrationFields):
     bulk : Bulk
         The distribution of the dark counts of ordinary jots.
     hot_threshold : int
-        Smallest count of a hot jot in the dark capture; N + 1 if even N is too probable for an
+        Smallest count of a hot jot in the dark capture; T + 1 if even T is too probable for an
         ordinary jot.
     hot_probability : float
         Probability that an ordinary jot reaches this count, from the fitted distribution.
