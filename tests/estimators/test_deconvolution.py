@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators.deconvolution import deconvolve, inverse_taps, pixel_means
+from jotlight.estimators.deconvolution import deconvolve, inverse_taps
 
 KERNELS = "linear", "quadratic", "cubic"
 SENSORS = [
@@ -13,6 +13,15 @@ SENSORS = [
 IMAGE = jl.datasets.photograph("camera")[100:164, 180:260]
 
 by_sensor = pytest.mark.parametrize("sensor", SENSORS, ids=repr)
+
+
+def pixel_means(image, sensor):
+    """Return the mean intensity at the jots of each pixel of an image (H, W)."""
+    side = sensor.oversampling
+    light = jl.operators.spread(image.shape, side, sensor.kernel, gain=side**2)
+    jots = light.forward(image.astype(np.float64))
+    height, width = image.shape
+    return jots.reshape(height, side, width, side).mean((1, 3)).astype(np.float32)
 
 
 @by_sensor

@@ -3,16 +3,21 @@
 import numpy as np
 import pytest
 
+from jotlight._engine import level_range
+from jotlight._engine import level_weights as level_weights_of_maps
 from jotlight.estimators.trial_levels import (
     count_local_trials,
     fill_from_nearest,
     interpolate_levels,
-    level_range,
-    level_weights,
     local_trials,
 )
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.sensor import Sensor
+
+
+def level_weights(trials):
+    """Return the levels of one map, and their weights."""
+    return level_weights_of_maps([trials.astype(np.float32)])[0]
 
 
 @pytest.mark.parametrize(("smallest", "largest"), [(0.2, 0.9), (1, 1), (3, 100), (7.5, 2000.2)])

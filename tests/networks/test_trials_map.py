@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators.trial_levels import level_range, local_trials
+from jotlight._engine import level_range
+from jotlight.estimators.trial_levels import local_trials
 from jotlight.networks.trials_map import denoise_fractions, denoise_map
 from reference import trials_map as reference
 

@@ -140,13 +140,7 @@ def find_hot_jots(
     return hot
 
 
-def fewest_trials(
-    counts: npt.ArrayLike,
-    trials: int,
-    *,
-    threshold: int = 1,
-    false_positive_rate: float = FALSE_POSITIVE_RATE,
-) -> int:
+def fewest_trials(counts: npt.ArrayLike, trials: int, *, threshold: int = 1) -> int:
     """Return the number of trials from which :func:`find_hot_jots` can find hot jots.
 
     It holds for the median brightness of counts, where neighbors have different light. With fewer
@@ -163,7 +157,7 @@ def fewest_trials(
     most = np.iinfo(np.int32).max
     if explained == 0:
         return 1
-    limit = np.log(false_positive_rate / 2) / np.log(explained) if explained < 1 else most
+    limit = np.log(FALSE_POSITIVE_RATE / 2) / np.log(explained) if explained < 1 else most
     return int(np.ceil(min(limit, most)))
 
 

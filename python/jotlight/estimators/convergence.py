@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.arrays import read_only
 from jotlight.checks import positive_number, whole_number
 from jotlight.errors import counted, warn
 from jotlight.estimators.figure import draw_residuals
@@ -200,7 +201,7 @@ class ConvergenceMonitor:
                     self.number,
                     {name: float(values[place]) for name, values in residuals.items()},
                     float(residual[place]),
-                    _readonly(estimates[place]),
+                    read_only(estimates[place]),
                     self.tol,
                     self.max_iter,
                     len(self.histories) + int(image),
@@ -266,9 +267,3 @@ class ConvergenceMonitor:
             others = f" and {number - 1} more of {len(self.histories)}" if number > 1 else ""
             name = f", {name}{others}"
         warn(f"{self._name}{name}: {text}")
-
-
-def _readonly(image: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    view = image.view()
-    view.flags.writeable = False
-    return view

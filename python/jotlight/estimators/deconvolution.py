@@ -41,10 +41,9 @@ def deconvolve(means: Image, sensor: Sensor) -> Image:
     >>> image = np.zeros((9, 9), np.float32)
     >>> image[4, 4] = 1
     >>> sensor = Sensor(oversampling=4, kernel="cubic")
-    >>> blurred = pixel_means(image, sensor)
-    >>> sharp = deconvolve(blurred, sensor)
-    >>> print(blurred.max().round(2), sharp.max().round(2))
-    0.36 0.58
+    >>> sharp = deconvolve(image, sensor)
+    >>> print(sharp[4, 3:6].round(2))
+    [-0.26  1.95 -0.26]
     """
     if sensor.kernel == "box":
         return means
@@ -55,15 +54,6 @@ def deconvolve(means: Image, sensor: Sensor) -> Image:
         # The light beyond the border is mirrored (decision 2).
         means = convolve1d(means, taps, axis=axis, mode="reflect")
     return means
-
-
-def pixel_means(image: npt.NDArray[np.floating], sensor: Sensor) -> Image:
-    """Return the mean intensity at the jots of each pixel of an image (H, W)."""
-    side = sensor.oversampling
-    values = np.asarray(image, np.float64)
-    light = spread(image.shape, side, sensor.kernel, gain=side**2).forward(values)
-    height, width = image.shape
-    return np.asarray(light.reshape(height, side, width, side).mean((1, 3)), np.float32)
 
 
 @cache

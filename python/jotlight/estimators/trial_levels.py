@@ -16,44 +16,6 @@ LocalTrials = int | Image
 """The local trials of an image: one whole number, or a map (H, W)."""
 
 
-def level_range(smallest: float, largest: float) -> list[int]:
-    """Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
-
-    Those above the smallest depend on the largest one alone. So images of a film have the same
-    levels, and networks keep their parameters.
-    A ratio of 2 costs networks up to 0.5 dB (``docs/results/networks.md``).
-
-    Examples
-    --------
-    >>> level_range(3, 30), level_range(4, 30)
-    ([3, 4, 6, 8, 11, 15, 21, 30], [4, 6, 8, 11, 15, 21, 30])
-    """
-    return engine.level_range(smallest, largest)
-
-
-def level_weights(trials: npt.NDArray[np.floating]) -> list[tuple[int, Image]]:
-    """Return the levels of a map, and their weights at each pixel, of which one is above 0.
-
-    The weights of a pixel belong to the largest level up to its trials, and near the next level to
-    both. Their sum is 1. A level alone serves a pixel up to half of the way to the next one, by
-    logarithm. From there on, the share of the next level rises: a denoiser loses less if it expects
-    too few trials than if it expects too many.
-
-    Parameters
-    ----------
-    trials : ndarray, shape (H, W)
-        The number of trials of each pixel, above 0.
-
-    Examples
-    --------
-    >>> for level, weights in level_weights(np.array([[8, 9, 10, 11]])):
-    ...     print(level, weights.round(2))
-    8 [[1.  1.  0.6 0. ]]
-    11 [[0.  0.  0.4 1. ]]
-    """
-    return engine.level_weights([np.asarray(trials, np.float32)])[0]
-
-
 def local_trials(trials: npt.NDArray[np.floating], threads: int | None = None) -> LocalTrials:
     """Return the number of trials that states the noise around each pixel.
 
@@ -127,6 +89,13 @@ def share_levels(
     trials: Sequence[LocalTrials],
 ) -> Iterator[tuple[int, list[tuple[list[int], Image | None]]]]:
     """Yield the levels of several images, each with groups of images and their weights.
+
+    The levels of a map are whole numbers, with ratios of about √2 where many pixels lie between
+    them. A ratio of 2 costs networks up to 0.5 dB (``docs/results/networks.md``). The weights of a
+    pixel belong to the largest level up to its trials, and near the next level to both. Their sum
+    is 1. A level alone serves a pixel up to half of the way to the next one, by logarithm. From
+    there on, the share of the next level rises: a denoiser loses less if it expects too few trials
+    than if it expects too many.
 
     Parameters
     ----------

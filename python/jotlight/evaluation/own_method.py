@@ -4,11 +4,11 @@ import functools
 import hashlib
 import importlib
 import inspect
-import os
 import re
 import sys
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -35,17 +35,16 @@ _POSITIONAL = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR
 """Kinds of parameters that take values without names."""
 
 
-def import_method(reference: str, folder: str | os.PathLike[str] | None = None) -> OwnMethod:
+def import_method(reference: str) -> OwnMethod:
     """Return the function that ``MODULE:FUNCTION`` names, such as ``mine:denoise``.
 
-    If the function raises an exception later, it becomes a ValueError that names the line.
+    The modules of the current folder are found first. If the function raises an exception later, it
+    becomes a ValueError that names the line.
 
     Parameters
     ----------
     reference : str
         Module and function, separated by a colon. The module may lie in a package, ``a.b:f``.
-    folder : path, optional
-        Folder whose modules are found first. Default: the current one.
 
     Raises
     ------
@@ -65,7 +64,7 @@ def import_method(reference: str, folder: str | os.PathLike[str] | None = None) 
             f"method: expected MODULE:FUNCTION, such as mine:denoise for the function denoise in "
             f"mine.py, got {reference!r}"
         )
-    module = _import_module(reference, os.path.abspath(folder or os.curdir))  # noqa: PTH100
+    module = _import_module(reference, str(Path.cwd()))
     if not hasattr(module, attribute):
         close = nearest_names(attribute, dir(module))
         advice = f"; did you mean {name}:{close[0]}?" if close else ""

@@ -53,15 +53,15 @@ def find_dark(ones: npt.NDArray[np.integer], dark_ones: float) -> Frames:
     return np.repeat(groups < _DARK * light * lengths, lengths)
 
 
-def as_spans(frames: Frames, first: int = 0) -> list[range]:
-    """Return the spans of successive frames that are True. The first frame has a number.
+def as_spans(frames: Frames) -> list[range]:
+    """Return the spans of successive frames that are True.
 
     Examples
     --------
-    >>> as_spans(np.array([True, True, False, True]), 10)
-    [range(10, 12), range(13, 14)]
+    >>> as_spans(np.array([True, True, False, True]))
+    [range(0, 2), range(3, 4)]
     """
-    ends = np.flatnonzero(np.diff(frames, prepend=False, append=False)) + first
+    ends = np.flatnonzero(np.diff(frames, prepend=False, append=False))
     return [range(int(start), int(stop)) for start, stop in ends.reshape(-1, 2)]
 
 

@@ -43,7 +43,7 @@ def check_out(out: object, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.
 
 
 class OutputImages:
-    """The gray images (N, H, W) that a method computes, in an array of the caller or a new one.
+    """The gray images (N, H, W) of float32 that a method computes, in the caller's or a new array.
 
     Parameters
     ----------
@@ -53,8 +53,6 @@ class OutputImages:
         Height and width of an image.
     out : ndarray, optional
         The array of the caller. It may have any strides.
-    dtype : dtype
-        Data type of the images.
     inputs : iterable of ndarray
         Arrays that the method reads while it writes. They may overlap `out`.
 
@@ -77,12 +75,11 @@ class OutputImages:
         layout: Layout,
         size: tuple[int, ...],
         out: object = None,
-        dtype: npt.DTypeLike = np.float32,
         inputs: Iterable[npt.NDArray[Any]] = (),
     ) -> None:
-        self._layout, self._dtype = layout, dtype
+        self._layout = layout
         self._shape = layout.number, *size
-        self._out = None if out is None else check_out(out, layout.shape_of(size), dtype)
+        self._out = None if out is None else check_out(out, layout.shape_of(size), np.float32)
         self._inputs = inputs
         self._images: npt.NDArray[Any] | None = None
 
@@ -92,7 +89,7 @@ class OutputImages:
         if self._images is None:
             own = None if self._out is None else self._layout.moved(self._out).reshape(self._shape)
             if own is None or not self._can_write(own):
-                own = np.empty(self._shape, self._dtype)
+                own = np.empty(self._shape, np.float32)
             self._images = own
         return self._images
 
