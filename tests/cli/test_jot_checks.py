@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+import jotlight._engine as engine
 from jotlight.datasets import photograph
 
 IMAGE = photograph("camera")[::2, ::2]
@@ -44,6 +45,21 @@ def test_dark_counts_that_a_capture_does_not_show_are_reported(run, hot):
     assert "jots with many dark counts do not show them in this capture" in output
     status, output = run(*command, "own.npy")
     assert "do not show them" not in output
+
+
+@pytest.mark.filterwarnings("default")
+def test_hot_jots_are_searched_with_the_stated_number_of_threads(run, hot, monkeypatch):
+    count, found = engine.add_block_counts, []
+
+    def noting(*arguments):
+        found.append(arguments[-1])
+        return count(*arguments)
+
+    monkeypatch.setattr(engine, "add_block_counts", noting)
+    options = ("--find-hot-jots", "--threads", "1", "--method", "mle", "-o", "a.npy")
+    status, output = run("reconstruct", "hot.npy", *options)
+    assert status == 0, output
+    assert found[0] == 1
 
 
 @pytest.mark.filterwarnings("default")

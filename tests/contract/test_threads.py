@@ -74,6 +74,7 @@ def test_numbers_of_threads_may_be_those_of_numpy(call, threads):
     assert call(threads).shape[-2:] == IMAGE.shape
 
 
+BRACKET = jl.Sensor(frames=32, gain=[0.2, 1.8] * 16).expose(IMAGE, rng=0)
 EFFICIENCY = np.random.default_rng(0).uniform(0.5, 1, IMAGE.shape).astype(np.float32)
 UNEQUAL = SENSOR.replace(efficiency=EFFICIENCY)
 MAP = np.random.default_rng(1).uniform(4, 8, (1, 8, 9))
@@ -86,6 +87,9 @@ ENGINE_CALLS = {
     "merge of unequal jots, blur": lambda threads: jl.merge(
         jl.Bits(BITS.packed, BITS.width, UNEQUAL), threads=threads
     ),
+    "merge, local_trials": CALLS["merge"],
+    "merge of a bracket, diffuse": lambda threads: jl.merge(BRACKET, threads=threads),
+    "film of a bracket, diffuse": lambda threads: list(film(BRACKET, window=16, threads=threads)),
     "causal film, disagreement": lambda threads: list(
         film(BITS, window=16, step=4, causal=True, threads=threads)
     ),

@@ -70,7 +70,7 @@ def film(
     motion is carried from image to image.
     """
     path = data if is_url(data) else Path(data)
-    inputs = Inputs(path, method, capture, sensor, motion)
+    inputs = Inputs(path, method, capture, sensor, motion, threads)
     outputs.check()
     motion.check()
     inputs.check_outputs([outputs.output])

@@ -64,7 +64,7 @@ def fine_tune(
     steps = fine_tuning.STEPS if training.steps is None else training.steps
     rate = fine_tuning.LEARNING_RATE if training.learning_rate is None else training.learning_rate
     with silenced(not is_first):
-        captured = _capture(data, capture, sensor)
+        captured = _capture(data, capture, sensor, training.threads)
         network, kind, origin = _start(training.start, quality, captured.sensor)
         if network.trials_range is None and sensor.max_intensity is None:
             # `jotlight reconstruct` also uses the range that the network was trained for.
@@ -125,7 +125,9 @@ def _check_outputs(data: Path, training: FineTuningOptions, sensor: TunedSensorO
     check_outputs_of([data], [training.output, training.plot, checkpoint], inputs)
 
 
-def _capture(path: Path, capture: CaptureOptions, sensor: TunedSensorOptions) -> Captured:
+def _capture(
+    path: Path, capture: CaptureOptions, sensor: TunedSensorOptions, threads: int | None
+) -> Captured:
     """Return the data with their sensor."""
     from jotlight.torch.bit_splitting import check_kernel
 
@@ -134,7 +136,7 @@ def _capture(path: Path, capture: CaptureOptions, sensor: TunedSensorOptions) ->
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     captured = add_sensor(opened, path, kwargs, calibration)
     if sensor.find_hot_jots:
-        captured = mask_hot_jots(captured)
+        captured = mask_hot_jots(captured, threads)
     report(*captured.notes())
     check_kernel(captured.sensor)
     return captured

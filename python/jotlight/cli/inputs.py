@@ -59,6 +59,8 @@ class Inputs:
     capture: CaptureOptions
     sensor: CapturedSensorOptions
     motion: MotionOptions
+    threads: int | None
+    """Number of threads. None: all."""
 
     def check_outputs(self, outputs: list[Path]) -> None:
         """Raise ValueError when outputs have the same name, or that of a file to read."""
@@ -155,7 +157,7 @@ class Inputs:
     def _adapt(self, captured: Captured, network: AnyNetwork | None) -> Captured:
         """Return the capture as the options and the network change it."""
         if self.sensor.find_hot_jots:
-            captured = mask_hot_jots(captured)
+            captured = mask_hot_jots(captured, self.threads)
         is_range_open = self.sensor.max_intensity is None
         if network is not None and network.trials_range is None and is_range_open:
             captured = _with_max_intensity(captured, network.sensor.max_intensity)

@@ -72,7 +72,7 @@ def caution_about_jots(captured: Captured, threads: int | None) -> None:
                 caution(label, remark)
 
 
-def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
+def mask_hot_jots(captured: Captured, threads: int | None) -> Captured:
     """Return a capture whose sensor's mask also marks the hot jots that its scene reveals.
 
     Raises

@@ -50,7 +50,7 @@ def reconstruct(
         return
     outputs = replace(outputs, output=name_output(outputs.output, data[0]))
     path = data[0] if is_url(data[0]) else Path(data[0])
-    inputs = Inputs(path, method, capture, sensor, motion)
+    inputs = Inputs(path, method, capture, sensor, motion, threads)
     motion.check()
     inputs.check_outputs([*outputs.paths(), *motion.paths()])
     image_writer(outputs.output, depth=outputs.depth)
@@ -110,7 +110,7 @@ def _reconstruct_many(
     sensors: dict[Sensor, Sensor] = {}
 
     def make_job(target: Target, bits: Bits, source: CaptureSource) -> tuple[Job, list[str]]:
-        inputs = Inputs(Path(target.path), method, capture, sensor, motion)
+        inputs = Inputs(Path(target.path), method, capture, sensor, motion, threads)
         return reconstruction_job(target, bits, source, inputs, run, outputs, sensors)
 
     def check_name(output: Path) -> None:

@@ -155,7 +155,7 @@ def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> 
     captured = add_sensor(opened, path, sensor.to_kwargs(), calibration)
     exposure_cycle(captured.sensor)
     if sensor.find_hot_jots:
-        captured = mask_hot_jots(captured)
+        captured = mask_hot_jots(captured, None)
     is_known = captured.has_own_sensor or sensor.max_intensity is not None
     opening = _opening(path, capture, sensor, captured)
     data: Frames = captured.data

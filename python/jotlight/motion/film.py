@@ -115,7 +115,7 @@ def film(
     frames: Any = data
     known = FilmFrames(frames, 0)
     images = (state.next_image(known, span.start) for span in spans)
-    return images if converted is None else (_corrected(image, converted) for image in images)
+    return images if converted is None else (_corrected(image, converted, threads) for image in images)
 
 
 def _sensor_of(
@@ -137,9 +137,10 @@ def _sensor_of(
     return of_kinds[1]
 
 
-def _corrected(image: FilmImage, converted: ReadingCounts) -> FilmImage:
+def _corrected(image: FilmImage, converted: ReadingCounts, threads: int | None) -> FilmImage:
     """Return an image of counts as one of the readings that became these counts."""
-    merged, cycle, still = converted.correct(image.merged), converted.cycle, image.still
+    cycle, still = converted.cycle, image.still
+    merged = converted.correct(image.merged, threads)
     if still is not None:
         still = range(cycle * still.start, cycle * still.stop)
     data: Merged | Bits | Readings = merged
@@ -148,7 +149,7 @@ def _corrected(image: FilmImage, converted: ReadingCounts) -> FilmImage:
         data = converted.readings[first : first + cycle * len(image.data)]
 
     def count_nearest() -> tuple[Merged, ...]:
-        return tuple(converted.correct(each) for each in image.nearest)
+        return tuple(converted.correct(each, threads) for each in image.nearest)
 
     return dataclasses.replace(
         image,

@@ -76,6 +76,8 @@ class Fold:
     """The logarithms of the probabilities of a one and of a zero in each frame."""
     compared: npt.NDArray[np.bool_]
     """The pixels (H, W) whose predictions are compared."""
+    threads: int | None
+    """Number of threads. None: all."""
 
     @classmethod
     def of(
@@ -88,16 +90,16 @@ class Fold:
         # Bits that disagree with the others were not merged.
         trials = np.minimum(own.trials, total.trials)
         ones = np.clip(own.ones, total.ones - (total.trials - trials), total.ones)
-        merged = _estimate(total.without(np.minimum(ones, trials), trials))
+        merged = _estimate(total.without(np.minimum(ones, trials), trials), blocks.threads)
         frames = [count_in_place(paths, range(time, time + 1)) for time in held]
         predicted = [
             _logarithms(frame, _moved(merged, paths, time))
             for frame, time in zip(frames, held, strict=True)
         ]
         if compared is None:
-            compared = np.ones(paths.blocks.size, bool)
+            compared = np.ones(blocks.size, bool)
         frames = [frame.masked(compared) for frame in frames]
-        return cls(count_in_place(paths, held), frames, predicted, compared)
+        return cls(count_in_place(paths, held), frames, predicted, compared, blocks.threads)
 
     def likelihood(self) -> float:
         """Return the log-likelihood of the frames in nats."""
@@ -107,7 +109,7 @@ class Fold:
     def gain(self, window: Sums) -> tuple[float, float]:
         """Return by how many nats a window predicts the frames better, and the error."""
         others = window.without(self.held.ones, self.held.trials)
-        estimate = _estimate(others.masked(self.compared))
+        estimate = _estimate(others.masked(self.compared), self.threads)
         one, zero = _logarithms(self.held, estimate)
         gain, variance = 0.0, 0.0
         for frame, logarithms in zip(self.frames, self.logarithms, strict=True):
@@ -148,8 +150,8 @@ def _moved(image: Probability, paths: Paths, time: float) -> Probability:
     return np.asarray(image[rows, columns])
 
 
-def _estimate(sums: Sums) -> Probability:
+def _estimate(sums: Sums, threads: int | None) -> Probability:
     """Return the probabilities that the network estimates for the median jot, (H, W)."""
     sums = equivalent_sums(sums)
     ones, trials = sums.ones.astype(np.float32), sums.trials.astype(np.float32)
-    return clip_probability(denoise_map(template_network(), ones, trials))
+    return clip_probability(denoise_map(template_network(), ones, trials, threads=threads))

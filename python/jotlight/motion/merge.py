@@ -147,7 +147,7 @@ def merge(
             merged, dark = _merge_kinds(bursts, *of_kinds, motion, threads)
         update(1.0)
     report_dark(dark if converted is None else converted.frames_of(dark), time)
-    return merged if converted is None else converted.correct(merged)
+    return merged if converted is None else converted.correct(merged, threads)
 
 
 def _merge(

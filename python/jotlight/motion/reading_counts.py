@@ -220,15 +220,17 @@ class ReadingCounts:
         excess = self._of_cycle(light, dark_counts)[0] - self._of_cycle(light, typical)[0]
         return self._light(average_fractions(ones - trials * excess, trials), typical)
 
-    def correct(self, merged: Merged) -> Merged:
+    def correct(self, merged: Merged, threads: int | None = None) -> Merged:
         """Return merged counts whose likelihood near averages of neighbors is that of the readings.
 
         Parameters
         ----------
         merged : Merged
             Counts of :attr:`counts` along a motion.
+        threads : int, optional
+            Number of threads. Default: all.
         """
-        channels = [self._correct(each) for each in merged.channels()]
+        channels = [self._correct(each, threads) for each in merged.channels()]
         if merged.ones.ndim == 2:
             return channels[0]
         return dataclasses.replace(
@@ -238,7 +240,7 @@ class ReadingCounts:
             channel_axis=-1,
         )
 
-    def _correct(self, merged: Merged) -> Merged:
+    def _correct(self, merged: Merged, threads: int | None) -> Merged:
         gray = without_mosaic(self.stated)
         reference = reference_sensor(gray)
         trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
@@ -260,7 +262,7 @@ class ReadingCounts:
         rate = np.maximum(share * light + floor, 1e-9)
         gradient, information = weight * (fraction - mean), weight * slope
         ones, number = linear_counts(gradient, information, share, rate, rate)
-        whole = diffuse(np.where(known, ones, 0.0), known)
+        whole = diffuse(np.where(known, ones, 0.0), known, threads)
         number = np.maximum(np.where(known, number, 0.0), whole)
         return dataclasses.replace(
             merged,
