@@ -115,7 +115,9 @@ def film(
     frames: Any = data
     known = FilmFrames(frames, 0)
     images = (state.next_image(known, span.start) for span in spans)
-    return images if converted is None else (_corrected(image, converted, threads) for image in images)
+    return (
+        images if converted is None else (_corrected(image, converted, threads) for image in images)
+    )
 
 
 def _sensor_of(

@@ -105,20 +105,20 @@ def counts_of_squares(pixels: PixelCounts) -> list[Merged]:
         The counts of the pixels, (N, H, W).
     """
     trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), pixels.counts.shape)
-    maps = mean_jots(pixels.sensor, trials, pixels.dark_counts, pixels.efficiency)
+    maps = jots_of_squares(pixels.sensor, trials, pixels.efficiency, pixels.dark_counts)
     sums = sum_squares(pixels.counts), sum_squares(trials)
     sensor = sensor_of_squares(pixels.sensor)
     means = (each if isinstance(each, np.ndarray) else [each] * len(trials) for each in maps)
     return [
         Merged(ones, number, sensor, dark_counts=dark, efficiency=efficiency)
-        for ones, number, dark, efficiency in zip(*sums, *means, strict=True)
+        for ones, number, efficiency, dark in zip(*sums, *means, strict=True)
     ]
 
 
-def mean_jots(
-    sensor: Sensor, trials: Array, dark_counts: float | Array, efficiency: float | Array
+def jots_of_squares(
+    sensor: Sensor, trials: Array, efficiency: float | Array, dark_counts: float | Array
 ) -> tuple[float | Array, float | Array]:
-    """Return the dark counts and the efficiency of squares of 2 x 2 pixels.
+    """Return the efficiency and the dark counts of squares of 2 x 2 pixels.
 
     They are those of :class:`jotlight.Merged`: means over the trials of the pixels, and for
     threshold 1, the dark counts that cause as many ones. Numbers stay numbers.
@@ -129,18 +129,26 @@ def mean_jots(
         The sensor, which states the threshold.
     trials : ndarray, shape (..., H, W)
         The number of trials of each pixel.
-    dark_counts, efficiency : float or ndarray, shape (..., H, W)
+    efficiency, dark_counts : float or ndarray, shape (..., H, W)
         Those of the pixels.
+
+    Examples
+    --------
+    >>> efficiency, dark_counts = np.array([[0.5, 0.75], [0.5, 0.75]]), 0.1
+    >>> jots_of_squares(Sensor(), np.ones((2, 2)), efficiency, dark_counts)
+    (array([[0.625]]), 0.1)
     """
     weights = np.maximum(trials, 1e-9)  # a square without trials has the mean of its pixels
 
     def mean(values: Array) -> Array:
         return np.asarray(sum_squares(weights * values) / sum_squares(weights))
 
+    if isinstance(efficiency, np.ndarray):
+        efficiency = mean(efficiency)
     if isinstance(dark_counts, np.ndarray):
         is_first = sensor.threshold == 1
         dark_counts = -np.log(mean(np.exp(-dark_counts))) if is_first else mean(dark_counts)
-    return dark_counts, mean(efficiency) if isinstance(efficiency, np.ndarray) else efficiency
+    return efficiency, dark_counts
 
 
 def add_coarse(fine: Image, coarse: Image, sensor: Sensor, trials: npt.ArrayLike) -> Image:

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials, local_trials
-from jotlight.networks.coarse_scales import mean_jots
+from jotlight.networks.coarse_scales import jots_of_squares
 from jotlight.networks.trials_map import ConditionalNetwork, denoise_fractions
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import Jot, reference_jot
@@ -281,6 +281,7 @@ def enlarge(image: npt.NDArray[np.floating]) -> Light:
 def coarse_counts(merged: Merged) -> Merged:
     """Return the counts of a grid of half pixels, summed over 2 x 2 squares, as those of pixels."""
     trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
-    dark, efficiency = mean_jots(merged.sensor, trials, merged.dark_counts, merged.efficiency)
+    jots = merged.efficiency, merged.dark_counts
+    efficiency, dark = jots_of_squares(merged.sensor, trials, *jots)
     ones, number = sum_squares(merged.ones), sum_squares(trials)
     return Merged(ones, number, merged.sensor, dark_counts=dark, efficiency=efficiency)
