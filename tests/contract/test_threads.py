@@ -87,9 +87,8 @@ ENGINE_CALLS = {
     "merge of unequal jots, blur": lambda threads: jl.merge(
         jl.Bits(BITS.packed, BITS.width, UNEQUAL), threads=threads
     ),
-    "merge, local_trials": CALLS["merge"],
     "merge of a bracket, diffuse": lambda threads: jl.merge(BRACKET, threads=threads),
-    "film of a bracket, diffuse": lambda threads: list(film(BRACKET, window=16, threads=threads)),
+    "film of a bracket, diffuse": lambda threads: list(film(BRACKET, window=32, threads=threads)),
     "causal film, disagreement": lambda threads: list(
         film(BITS, window=16, step=4, causal=True, threads=threads)
     ),

@@ -1,10 +1,13 @@
 """Frames that are held out: merged counts predict them, and better along the true motion."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from jotlight.motion import held_out
 from jotlight.motion.held_out import Fold, central_frames, held_out_likelihood
+from jotlight.networks.trials_map import denoise_map
 from moving import blocks_of, paths_of, shaken, total_of
 
 
@@ -46,6 +49,21 @@ def test_the_likelihood_is_that_of_the_bits():
             np.testing.assert_allclose(np.exp(one) + np.exp(zero), 1, rtol=1e-6)
             expected += float(np.where(seen, one, zero).sum())
     assert held_out_likelihood(paths, total, held) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_network_runs_in_the_threads_of_the_blocks(monkeypatch):
+    _, blocks, shifts, reference = shaken()
+    paths = paths_of(dataclasses.replace(blocks, threads=1), shifts, reference)
+    total, found = total_of(paths), []
+
+    def noting(*arguments, threads):
+        found.append(threads)
+        return denoise_map(*arguments, threads=threads)
+
+    monkeypatch.setattr(held_out, "denoise_map", noting)
+    fold = Fold.of(paths, total, central_frames(paths, total))
+    assert np.isfinite(fold.gain(total)).all()
+    assert found == [1, 1]
 
 
 def test_held_out_bits_do_not_change_their_own_prediction():
