@@ -80,6 +80,7 @@ def test_a_constant_map_is_as_uniform_as_a_number():
         ((ONES, TRIALS - 1, SENSOR), {}, ValueError, "trials: expected finite numbers, 0 or more"),
         ((ONES, np.nan, SENSOR), {}, ValueError, "trials: expected finite numbers, 0 or more"),
         ((ONES, TRIALS[:1], SENSOR), {}, ValueError, r"trials: .*shape \(2, 3\), got \(1, 3\)"),
+        ((ONES, 8, SENSOR, 0.1), {}, TypeError, "positional arguments"),
         ((ONES, 8, SENSOR), {"dark_counts": -1}, ValueError, "dark_counts: expected finite"),
         ((ONES, 8, SENSOR), {"dark_counts": [0.1]}, ValueError, r"one value per pixel, .*\(1,\)"),
         ((ONES, 8, SENSOR), {"efficiency": 0}, ValueError, "efficiency: .*got 0.0 to 0.0"),

@@ -149,8 +149,8 @@ class Merging:
             whole,
             trials,
             reference,
-            dark_counts,
-            efficiency,
+            dark_counts=dark_counts,
+            efficiency=efficiency,
             light_share=share,
             valid_up_to=reference.max_intensity,
         )

@@ -106,7 +106,9 @@ def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merge
     if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
         counts = joint.total.astype(np.int32)
         efficiency, dark_counts = mean_jots(joint.sensor)
-        return Merged(counts, joint.trials, joint.sensor, dark_counts, efficiency)
+        return Merged(
+            counts, joint.trials, joint.sensor, dark_counts=dark_counts, efficiency=efficiency
+        )
     reference = reference_sensor(joint.sensor)
     efficiency, dark_counts = mean_jots(reference)
     ones, trials = counts_at_maximum(joint, reference)
@@ -114,8 +116,8 @@ def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merge
     return Merged(
         *round_ones(ones, trials, keeps_maximum=keeps_maximum),
         reference,
-        dark_counts,
-        efficiency,
+        dark_counts=dark_counts,
+        efficiency=efficiency,
         light_share=share,
         valid_up_to=reference.max_intensity,
     )

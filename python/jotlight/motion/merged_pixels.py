@@ -77,8 +77,8 @@ def as_pixels(
             [_sum_pixels(each.trials, side).astype(np.float64) for each in channels], color=color
         ),
         sensor,
-        dark_counts,
-        efficiency,
+        dark_counts=dark_counts,
+        efficiency=efficiency,
         channel_axis=-1 if color else None,
         **others,
     )

@@ -111,11 +111,11 @@ def join_colors(merged: Sequence[Merged], sensor: Sensor) -> Merged:
         np.stack([ones for ones, _ in counts], axis=-1),
         np.stack([trials for _, trials in counts], axis=-1),
         sensor.replace(mosaic=None, mask=None, gain=sensor.gain),
-        mean("dark_counts"),
-        mean("efficiency"),
-        mean("acceptance").astype(np.float32),
-        mean("posterior_error").astype(np.float32),
-        mean("flags") > 1 / 2,
+        dark_counts=mean("dark_counts"),
+        efficiency=mean("efficiency"),
+        acceptance=mean("acceptance").astype(np.float32),
+        posterior_error=mean("posterior_error").astype(np.float32),
+        flags=mean("flags") > 1 / 2,
         channel_axis=-1,
     )
 

@@ -86,11 +86,11 @@ def join_thresholds(merged: Sequence[Merged], sensor: Sensor, threads: int | Non
         whole.astype(np.int32),
         np.maximum(np.where(is_known, trials, 0.0), whole),
         reference,
-        dark_counts,
-        efficiency,
-        mean("acceptance").astype(np.float32),
-        mean("posterior_error").astype(np.float32),
-        _flags(merged),
+        dark_counts=dark_counts,
+        efficiency=efficiency,
+        acceptance=mean("acceptance").astype(np.float32),
+        posterior_error=mean("posterior_error").astype(np.float32),
+        flags=_flags(merged),
         light_share=light_share(sensor, reference),
     )
 

@@ -120,7 +120,7 @@ def _together(channels: Sequence[PixelCounts], sensor: Sensor) -> Merged:
         some = np.where(known, each, 1.0)
         trials = known * len(channels) ** 2 / (1 / some).sum(axis=0)
         ones, trials = round_ones(trials * (counts / some).mean(axis=0), trials)
-    return Merged(ones, trials, sensor, first.dark_counts, first.efficiency)
+    return Merged(ones, trials, sensor, dark_counts=first.dark_counts, efficiency=first.efficiency)
 
 
 def _side(ratio: float) -> int:

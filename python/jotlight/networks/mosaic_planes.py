@@ -209,5 +209,6 @@ def _plane_data(counted: PixelCounts, own: Sensor, planes: list[_Plane]) -> Any:
         if plane.own is not None:
             ones, trials = np.where(plane.own, ones, 0), np.where(plane.own, trials, 0.0)
         dark, efficiency = plane.take(counted.dark_counts), plane.take(counted.efficiency)
-        data.append(Merged(ones.astype(np.int32), trials, own, dark, efficiency))
+        whole = ones.astype(np.int32)
+        data.append(Merged(whole, trials, own, dark_counts=dark, efficiency=efficiency))
     return data

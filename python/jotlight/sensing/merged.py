@@ -99,6 +99,7 @@ class Merged(HasReadOnlyArrays):
     ones: npt.NDArray[np.int32]
     trials: float | npt.NDArray[np.float64]
     sensor: Sensor
+    _: dataclasses.KW_ONLY
     # __post_init__ replaces None, so both are always numbers or maps.
     dark_counts: float | npt.NDArray[np.float64] = None  # type: ignore[assignment]
     efficiency: float | npt.NDArray[np.float64] = None  # type: ignore[assignment]
