@@ -11,6 +11,7 @@ import pytest
 import jotlight as jl
 from jotlight.estimators.alike_jots import DifferentJots, alike_fractions
 from jotlight.metrics import psnr
+from jotlight.sensing.reference import Jot
 from jotlight.sensing.response import detection_probability
 
 SIZE = 96, 96
@@ -40,8 +41,8 @@ def test_fractions_have_the_mean_and_the_variance_of_the_reference_jot(threshold
     rng = np.random.default_rng(2)
     efficiency, dark = large_maps()
     own = detection_probability(threshold, efficiency * light + dark)
-    reference = 0.6, 0.08
-    p = detection_probability(threshold, reference[0] * light + reference[1])
+    reference = Jot(0.6, 0.08)
+    p = detection_probability(threshold, reference.efficiency * light + reference.dark_counts)
     ones = rng.binomial(trials, own)
     number = np.full(ones.shape, float(trials))
     found = alike_fractions(DifferentJots(ones, number, efficiency, dark, threshold), reference)

@@ -5,6 +5,7 @@ from scipy.special import gammainc
 import jotlight as jl
 from jotlight.estimators.inverse_response import equivalent_counts, intensity_from_probability
 from jotlight.sensing.pixel_counts import count_pixels
+from jotlight.sensing.reference import Jot
 from reference import methods
 
 
@@ -28,21 +29,23 @@ def test_equivalent_counts_are_those_the_reference_jot_would_show(threshold):
     light = methods.mle(counts, 16, threshold=threshold, max_intensity=20.0)
     expected = 16 * gammainc(threshold, 0.5 * light + 0.2)
     pixels = count_pixels(counts, sensor, None)
-    np.testing.assert_allclose(equivalent_counts(pixels, (0.5, 0.2), 16, None), expected, atol=1e-4)
+    np.testing.assert_allclose(
+        equivalent_counts(pixels, Jot(0.5, 0.2), 16, None), expected, atol=1e-4
+    )
 
 
 def test_pixels_that_say_nothing_have_the_counts_of_their_neighbors():
     # With 0 ones of 0.01 trials, they would be dark.
     merged = jl.Merged([[3, 0, 0, 1]], [[4.0, 0.01, 0.01, 2.0]], jl.Sensor(frames=4))
     pixels = count_pixels(merged, merged.sensor, None)
-    np.testing.assert_allclose(equivalent_counts(pixels, (1.0, 0.0), 4, None), [[3, 3, 2, 2]])
+    np.testing.assert_allclose(equivalent_counts(pixels, Jot(1.0, 0.0), 4, None), [[3, 3, 2, 2]])
     silent = jl.Merged([[0, 0]], [[0.01, 0.005]], jl.Sensor(frames=4))
     pixels = count_pixels(silent, silent.sensor, None)
-    np.testing.assert_array_equal(equivalent_counts(pixels, (1.0, 0.0), 4, None), [[0, 0]])
+    np.testing.assert_array_equal(equivalent_counts(pixels, Jot(1.0, 0.0), 4, None), [[0, 0]])
 
 
 def test_counts_of_reference_jots_are_unchanged():
     sensor = jl.Sensor(frames=16, efficiency=0.5, dark_counts=0.2)
     counts = np.arange(17)[None]
     pixels = count_pixels(counts, sensor, None)
-    np.testing.assert_array_equal(equivalent_counts(pixels, (0.5, 0.2), 16, None), counts)
+    np.testing.assert_array_equal(equivalent_counts(pixels, Jot(0.5, 0.2), 16, None), counts)

@@ -12,6 +12,7 @@ from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import tile_counts
+from jotlight.sensing.reference import Jot
 from moving import blocks_of
 
 SIZE = 48, 64
@@ -163,7 +164,7 @@ def test_nothing_is_recalled_from_before_the_window_or_after_the_motion_is_lost(
 def test_what_the_bits_have_seen_of_the_jots_is_displaced():
     maps = np.ones((3, *SIZE), np.float32)
     maps[0] = 0.5 + np.arange(SIZE[1]) / 200
-    jots = Jots(1, (1.0, 0.0), maps)
+    jots = Jots(1, Jot(1.0, 0.0), maps)
     old, own = sums_of(smooth_scene(), rng=1), sums_of(smooth_scene((0, 2)), rng=1)
     for sums in (old, own):
         sums.jots = SeenJots(jots, maps[:2] * sums.trials)
@@ -211,7 +212,7 @@ def test_bits_fade_with_the_frames_between_windows(everything_agrees):
 def test_the_means_of_the_jots_stay_in_the_range_of_the_maps(everything_agrees):
     maps = np.ones((3, *SIZE), np.float32)
     maps[:2] = np.where(np.arange(SIZE[1]) % 16 < 8, 0.0, 1.0)  # splines swing at these steps
-    jots, motion = Jots(1, (1.0, 0.0), maps), moved([(0, 0.5)])
+    jots, motion = Jots(1, Jot(1.0, 0.0), maps), moved([(0, 0.5)])
     old, own = sums_of(smooth_scene(), rng=1), sums_of(smooth_scene(), trials=1, rng=2)
     for sums in (old, own):
         sums.jots = SeenJots(jots, 0 * maps[:2])

@@ -157,7 +157,9 @@ def _fractions_of_filter(
 
     light = _toward_own(counts, _common_light(counts, np.where(own, trials, 0.0), sums))
     expected, variance = _bit(counts.rate(light), counts.threshold)
-    p, reference_variance = _bit(reference[0] * light + reference[1], counts.threshold)
+    p, reference_variance = _bit(
+        reference.efficiency * light + reference.dark_counts, counts.threshold
+    )
     number = np.maximum(trials, 1)
     limit = _MAX_NOISE * (np.sqrt(reference_variance / number) + 1 / number)
     excess = (fraction - expected) * np.sqrt(reference_variance / variance)

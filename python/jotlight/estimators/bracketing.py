@@ -150,7 +150,7 @@ def plan_brackets(
     levels, median = _checked_light(light), sensor_of_median_jot(sensor)
     # A bit is most informative at 1.6 detections, and several bits are just below saturation.
     best_rate = max(1.6, 0.7 * sensor.max_reading)
-    brightest = levels[-1] * reference_jot(median)[0] / best_rate
+    brightest = levels[-1] * reference_jot(median).efficiency / best_rate
     fractions = _checked_exposures(exposures, brightest)
     if np.ndim(thresholds) != 1 or not len(thresholds):
         raise ValueError(
@@ -235,7 +235,7 @@ def intensity_range(sensor: Sensor, snr: float) -> tuple[float, float]:
     """
     groups = [group.sensor for group in sensor.groups()]
     lights = [group.light_per_intensity for group in groups]
-    rates = [group.light_per_intensity * reference_jot(group)[0] for group in groups]
+    rates = [group.light_per_intensity * reference_jot(group).efficiency for group in groups]
     highest = float(np.max(sensor.threshold) - 1 + sensor.max_reading) * 1e4 / min(rates)
     # With more frames, the SNR is reached with less light.
     lowest = min(1e-6, 0.01 / sensor.trials) / max(lights)

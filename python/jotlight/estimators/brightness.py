@@ -42,7 +42,7 @@ def detected_photons(sensor: Sensor) -> float:
     >>> detected_photons(Sensor(frames=10, gain=20.0, efficiency=efficiency))
     1.0
     """
-    return reference_jot(sensor)[0] * sensor.gain / sensor.frames
+    return reference_jot(sensor).efficiency * sensor.gain / sensor.frames
 
 
 def unit_scale(sensor: Sensor, units: str, data: PreparedData | None = None) -> float:

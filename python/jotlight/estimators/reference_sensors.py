@@ -46,7 +46,7 @@ def reference_sensor(sensor: Sensor) -> Sensor:
         rate = half_rate(own)
         share = math.log(2) / rate
         if own.bit_depth > 1:
-            brightest = own.light_per_intensity * own.max_intensity + reference_jot(own)[1]
+            brightest = own.light_per_intensity * own.max_intensity + reference_jot(own).dark_counts
             share = min(1.0, MAX_RATE / min(brightest, rate))
         per_frame.append(own.gain / own.frames * share)
         photons += own.gain / own.frames * len(group.frames)

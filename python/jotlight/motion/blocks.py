@@ -17,6 +17,7 @@ from jotlight.motion.frame_times import Times, locate, places_of
 from jotlight.motion.jots import Jots, SeenJots
 from jotlight.motion.sums import Counts, Sums
 from jotlight.motion.tiles import TILE
+from jotlight.sensing.reference import Jot
 
 Fields = Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating]
 """Displacements at two or more times."""
@@ -147,7 +148,7 @@ class Blocks:
             return self.jots
         maps = np.ones((3, *self.size), np.float32)
         maps *= np.unpackbits(self.valid, axis=1, count=self.size[1])
-        return Jots(1, (1.0, 0.0), maps)
+        return Jots(1, Jot(1.0, 0.0), maps)
 
     def count(self, frames: range, fields: Fields, times: Times) -> Sums:
         """Return the sums of some frames, whose displacements are linear between two fields.

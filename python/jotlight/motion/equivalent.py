@@ -122,7 +122,7 @@ def _estimate(ones: Image, trials: Image, seen: SeenJots) -> Image:
     light = np.maximum(inverse_response(threshold, fraction) - dark_counts, 0) / efficiency
     if known.any():
         light = np.where(known, light, light[known].mean(dtype=np.float32))
-    own = (reference[0] * light + reference[1]).astype(np.float32)
+    own = (reference.efficiency * light + reference.dark_counts).astype(np.float32)
     return clip_probability(response(threshold, own)[0])
 
 

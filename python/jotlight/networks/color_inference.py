@@ -144,7 +144,7 @@ def _trust(start: Array, sensor: Sensor, mosaic: Mosaic) -> Image:
     """
     from scipy.ndimage import gaussian_filter
 
-    light = sensor.light_per_intensity * reference_jot(sensor)[0]
+    light = sensor.light_per_intensity * reference_jot(sensor).efficiency
     rates = light * np.tensordot(mosaic.transmission, start, 1).max(axis=0)
     low, high = _SATURATED
     smooth = gaussian_filter(rates, _TRUST_SIGMA)

@@ -23,8 +23,11 @@ def sensor_model(sensor: Sensor) -> SensorModel:
 
     Examples
     --------
-    >>> sensor_model(Sensor(frames=16))
-    (16, PixelResponse(threshold=1, light_per_intensity=1.0, max_intensity=1.0), (1.0, 0.0))
+    >>> trials, response, jot = sensor_model(Sensor(frames=16))
+    >>> trials, response
+    (16, PixelResponse(threshold=1, light_per_intensity=1.0, max_intensity=1.0))
+    >>> jot
+    Jot(efficiency=1.0, dark_counts=0.0)
     """
     return sensor.trials, sensor.pixel_response(), reference_jot(sensor)
 

@@ -160,7 +160,7 @@ class Inference:
         network, sensor = self.network, pixels.sensor
         trials: list[LocalTrials] = [sensor.trials] * len(pixels.counts)
         # Both sensors detect equal light at intensity 1.
-        reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
+        reference = Jot(reference_jot(sensor).efficiency, reference_jot(network.sensor).dark_counts)
         smallest = largest = sensor.trials
         if network.trials_range is not None:
             trials, reference = count_local_trials(pixels, self.threads), reference_jot(sensor)
@@ -274,7 +274,9 @@ class Inference:
                 )
             check_fits(data.shape, sensor)
         jots = sensor.efficiency, sensor.dark_counts
-        reference = reference_jot(sensor)[0], reference_jot(self.network.sensor)[1]
+        reference = Jot(
+            reference_jot(sensor).efficiency, reference_jot(self.network.sensor).dark_counts
+        )
         if any(np.any(a != b) for a, b in zip(jots, reference, strict=True)):
             raise ValueError(
                 "sensor: expected the network's efficiency and dark counts, the same for all jots; "

@@ -36,7 +36,7 @@ from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.networks.splines import CUBIC_BASIS
 from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
@@ -225,7 +225,7 @@ def _add_equivalent_counts(
     graph: "GraphBuilder", data: str, network: ExportableNetwork, sensor: Sensor
 ) -> str:
     """Return the counts that the network's own sensor would report: a table of the counts."""
-    reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
+    reference = Jot(reference_jot(sensor).efficiency, reference_jot(network.sensor).dark_counts)
     if reference_jot(sensor) == reference:
         return data
     trials = sensor.trials

@@ -101,10 +101,11 @@ def choose_sensor(
             f"sensor: expected one without maps of its jots, got {sensor!r}; the engine takes it "
             "(jotlight.Network.reconstruct), or use sensor.without_maps()"
         )
-    if not tied and reference_jot(sensor) != reference_jot(own):
+    expected, received = tuple(reference_jot(own)), tuple(reference_jot(sensor))
+    if not tied and received != expected:
         raise ValueError(
-            f"sensor: expected the network's efficiency and dark counts, {reference_jot(own)}, "
-            f"got {reference_jot(sensor)}; a tied network takes others"
+            f"sensor: expected the network's efficiency and dark counts, {expected}, got "
+            f"{received}; a tied network takes others"
         )
     return sensor
 
@@ -112,5 +113,5 @@ def choose_sensor(
 def _response_to_light(sensor: Sensor) -> tuple[int, float, float]:
     """Return q, the detections per jot and frame at intensity 1, and S."""
     response = sensor.pixel_response()
-    light = reference_jot(sensor)[0] * response.light_per_intensity
+    light = reference_jot(sensor).efficiency * response.light_per_intensity
     return response.threshold, light, response.max_intensity

@@ -1,6 +1,7 @@
 """Numbers that represent a whole sensor: its median jot, and its saturation intensity."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +16,12 @@ from jotlight.sensing.response import (
 )
 from jotlight.sensing.sensor import Sensor
 
-Jot = tuple[float, float]
-"""The efficiency η and the dark counts d of a jot."""
+
+class Jot(NamedTuple):
+    """The efficiency η and the dark counts d of a jot."""
+
+    efficiency: float
+    dark_counts: float
 
 
 def reference_jot(sensor: Sensor) -> Jot:
@@ -25,13 +30,13 @@ def reference_jot(sensor: Sensor) -> Jot:
     Examples
     --------
     >>> reference_jot(Sensor(efficiency=np.array([[0.5, 0.5, 1.0]]), dark_counts=0.1))
-    (0.5, 0.1)
+    Jot(efficiency=0.5, dark_counts=0.1)
     """
     medians = [
         float(np.median(_of_live_jots(value, sensor))) if isinstance(value, np.ndarray) else value
         for value in (sensor.efficiency, sensor.dark_counts)
     ]
-    return medians[0], medians[1]
+    return Jot(*medians)
 
 
 def sensor_of_median_jot(sensor: Sensor) -> Sensor:
@@ -66,7 +71,7 @@ def typical_jot(
     Examples
     --------
     >>> typical_jot(np.array([[4.0, 4.0, 0.0]]), np.array([[0.5, 0.7, 1e-3]]), 0.1)
-    (0.6, 0.1)
+    Jot(efficiency=0.6, dark_counts=0.1)
     """
     medians = []
     for value in (efficiency, dark_counts):
@@ -74,7 +79,7 @@ def typical_jot(
         if isinstance(value, np.ndarray) and isinstance(trials, np.ndarray) and trials.any():
             live = value[np.broadcast_to(trials, value.shape) > 0]
         medians.append(float(np.median(live)))
-    return medians[0], medians[1]
+    return Jot(*medians)
 
 
 def reading_information(sensor: Sensor, light: npt.ArrayLike) -> Array:

@@ -18,7 +18,7 @@ from jotlight.networks.network import Network
 from jotlight.networks.trials_map import denoise_fractions
 from jotlight.sensing import response
 from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.subsampling import LongCounts, subsample_counts
 from jotlight.torch.blind_spots import draw_blind_spots, fill_blind_spots
@@ -136,7 +136,8 @@ class BitSplitter:
         self.conditional = network.trials_range is not None
         # The same reference jot as in `Network.reconstruct`.
         efficiency, dark = reference_jot(sensor)
-        self.reference = efficiency, dark if self.conditional else reference_jot(network.sensor)[1]
+        own = sensor if self.conditional else network.sensor
+        self.reference = Jot(efficiency, reference_jot(own).dark_counts)
         self._sensor = sensor.replace(
             oversampling=1, frames=self.trials, mask=None, efficiency=efficiency, dark_counts=dark
         )

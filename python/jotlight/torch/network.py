@@ -88,7 +88,7 @@ class Network(nn.Module):
         self.layer_specs = layer_specs(layers)
         self._size_divisor, self._sets = size_divisor(layers), count_sets(layers)
         self._trials_range = network.trials_range
-        self._is_tied, self._dark_counts = network.tied, reference_jot(network.sensor)[1]
+        self._is_tied, self._dark_counts = network.tied, reference_jot(network.sensor).dark_counts
         self._pixel_side = 1 if network.tied else network.sensor.oversampling
         self.filters = nn.ParameterList(
             _parameter(layer.filters, layer.trainable != "nothing") for layer in layers
@@ -171,7 +171,7 @@ class Network(nn.Module):
                 return found
             found = improve_dim(self.run_layers, found, data, sensor, self._trials_range)
             return improve_coarse(self.forward, found, data, sensor)
-        if reference_jot(sensor)[1] != self._dark_counts:
+        if reference_jot(sensor).dark_counts != self._dark_counts:
             data = equivalent_counts(data, sensor, self._dark_counts)
         return self.run_layers(data).clamp(0, sensor.max_intensity)
 
