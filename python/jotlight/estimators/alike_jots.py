@@ -102,7 +102,7 @@ def alike_fractions(
     ----------
     counts : DifferentJots
         The counts. Pixels of 0 trials get the fractions of their neighbors.
-    reference : (float, float)
+    reference : Jot
         η and d of the reference jot.
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel of a mosaic. Only neighbors with the same one are combined.
@@ -116,7 +116,7 @@ def alike_fractions(
     >>> p = 1 - np.exp(-0.1 - dark)
     >>> ones = np.random.default_rng(0).binomial(4, p)
     >>> counts = DifferentJots(ones, np.full(p.shape, 4.0), np.ones(p.shape), dark, threshold=1)
-    >>> found = alike_fractions(counts, reference=(1.0, 0.1))
+    >>> found = alike_fractions(counts, reference=Jot(1.0, 0.1))
     >>> bool(abs(found.mean() - (1 - np.exp(-0.2))) < 0.01)
     True
     """

@@ -38,7 +38,7 @@ def equivalent_counts(
     ----------
     pixels : PixelCounts
         The counts of a gray image, or of several (N, H, W).
-    reference : (float, float)
+    reference : Jot
         η and d of the reference jot.
     trials : float or ndarray of float64, shape (N,)
         K of the result, above 0: a number, or one for each image.

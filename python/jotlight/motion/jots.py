@@ -35,7 +35,7 @@ class Jots:
     ----------
     threshold : int
         q: the number of photons that make a jot report 1.
-    reference : (float, float)
+    reference : Jot
         η and d of the median jot, to which all counts are converted.
     maps : ndarray of float32, shape (3, H, W)
         η, d, and 1 for each jot; for q = 1, 1 - exp(-d) in place of d. All three are 0 for jots
