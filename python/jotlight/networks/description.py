@@ -1,31 +1,12 @@
 """Networks as text and as HTML."""
 
-from typing import Protocol
-
 from jotlight.errors import counted
+from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.figure import figure_of_layers
-from jotlight.networks.layer import Layer
 from jotlight.notebook import card
-from jotlight.sensing.sensor import Sensor
 
 
-class DescribedNetwork(Protocol):
-    """The parts of a network that its description names."""
-
-    layers: tuple[Layer, ...]
-    sensor: Sensor
-    rotations: int
-
-    @property
-    def trials_range(self) -> tuple[int, int] | None:
-        """Smallest and largest K of a K-conditioned network."""
-
-    @property
-    def halo(self) -> int:
-        """Radius of the receptive field in pixels."""
-
-
-def repr_of(network: DescribedNetwork) -> str:
+def repr_of(network: EngineBacked) -> str:
     """Return the channels, the number of parameters, and the sensors of a network."""
     channels, parameters, purpose, *rotations = _facts(network).values()
     mean = f", mean of {rotations[0]} rotations" if rotations else ""
@@ -33,14 +14,14 @@ def repr_of(network: DescribedNetwork) -> str:
     return f"<{kind}: channels {channels}, {parameters} parameters, for {purpose}{mean}>"
 
 
-def html_of(network: DescribedNetwork) -> str:
+def html_of(network: EngineBacked) -> str:
     """Return HTML that describes a network, for notebooks."""
     halo = {"halo": f"{network.halo} pixels"}
     drawing = figure_of_layers(network.layers).thumbnail()
     return card("Network", {**_facts(network), **halo}, drawing)
 
 
-def _facts(network: DescribedNetwork) -> dict[str, object]:
+def _facts(network: EngineBacked) -> dict[str, object]:
     layers, trials_range = network.layers, network.trials_range
     served = trials_range and f"{counted(trials_range[0], 'trial')} per pixel or more"
     return {

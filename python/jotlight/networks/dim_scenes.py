@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials
 from jotlight.networks.dark_regions import match_dark_regions
-from jotlight.networks.trials_map import ConditionalNetwork, denoise_fractions
+from jotlight.networks.engine_backed import EngineBacked
+from jotlight.networks.trials_map import denoise_fractions
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -141,7 +142,7 @@ def combine(fraction: Image, trials: LocalTrials, smallest: int = 1) -> Combined
 
 
 def denoise_dim(
-    network: ConditionalNetwork,
+    network: EngineBacked,
     fractions: Image,
     trials: Sequence[LocalTrials],
     threshold: int,

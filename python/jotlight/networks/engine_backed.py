@@ -1,6 +1,7 @@
 """The network of the engine behind a network of layers."""
 
 import copy
+import dataclasses
 import operator
 from typing import Any, ClassVar, Final, Self
 
@@ -124,3 +125,42 @@ class EngineBacked:
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes for `pickle` and `copy`, which reject the engine's network."""
         return {name: value for name, value in self.__dict__.items() if name != _KEPT}
+
+
+class GrayNetwork(EngineBacked):
+    """A network for gray images, which reads counts or bits."""
+
+    @property
+    def tied(self) -> bool:
+        """Whether the first layer has one weight for all bits of a pixel and so accepts counts."""
+        return self.layers[0].shape[1:] == (1, 1, 1)
+
+    def conditioned_layers(self, trials: int, *, zeros: bool = False) -> tuple[Layer, ...]:
+        """Return the layers of a K-conditioned network with the parameters for K = `trials`.
+
+        They map counts to P(b = 1), or to P(b = 0) if `zeros`. The results can lie slightly outside
+        of [0, 1].
+        """
+        assert self.trials_range, "a K-conditioned network"
+        parameters = self.engine_network.conditioned(trials, zeros)
+        return tuple(
+            dataclasses.replace(layer, filters=filters, coefficients=coefficients)
+            for layer, (filters, coefficients) in zip(self.layers, parameters, strict=True)
+        )
+
+    def estimates_zeros(self, sensor: Sensor) -> bool:
+        """Return whether a K-conditioned network estimates P(b = 0) for a sensor.
+
+        Near saturation, P(b = 1) is close to 1, and float32 holds only a few digits of
+        1 - P(b = 1), on which the intensity depends. So for bright sensors, the network estimates
+        P(b = 0) from the zeros. Its last spline, which maps to P(b = 1), is replaced by its
+        complement.
+
+        Examples
+        --------
+        >>> from jotlight import Network
+        >>> network = Network.conditional("small", rng=0)
+        >>> network.estimates_zeros(Sensor()), network.estimates_zeros(Sensor(gain=25.0))
+        (False, True)
+        """
+        return self.engine_network.estimates_zeros(sensor_model(sensor))

@@ -21,7 +21,8 @@ import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials, local_trials
 from jotlight.networks.coarse_scales import jots_of_squares
-from jotlight.networks.trials_map import ConditionalNetwork, denoise_fractions
+from jotlight.networks.engine_backed import EngineBacked
+from jotlight.networks.trials_map import denoise_fractions
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import (
@@ -163,7 +164,7 @@ class Prior:
 
     Parameters
     ----------
-    network : ConditionalNetwork
+    network : EngineBacked
         The network.
     sensor : Sensor
         The sensor.
@@ -173,7 +174,7 @@ class Prior:
         The number of threads.
     """
 
-    network: ConditionalNetwork
+    network: EngineBacked
     sensor: Sensor
     of_zeros: bool
     threads: int | None

@@ -3,12 +3,11 @@
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
 from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.errors import hide_warnings
@@ -23,8 +22,7 @@ from jotlight.layout import Layout
 from jotlight.networks.coarse_scales import add_coarse, counts_of_squares, has_few_photons
 from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
 from jotlight.networks.dim_scenes import denoise_dim, may_be_dim
-from jotlight.networks.engine_backed import sensor_model
-from jotlight.networks.layer import Layer
+from jotlight.networks.engine_backed import GrayNetwork, sensor_model
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.gray_outputs import output_of
@@ -39,33 +37,6 @@ _MAX_BYTES = 1 << 28
 """Maximum number of bytes of the bits in one call, if they are those of several images."""
 
 Image = npt.NDArray[np.float32]
-
-
-class GrayNetwork(Protocol):
-    """A network for gray images."""
-
-    @property
-    def layers(self) -> tuple[Layer, ...]:
-        """The layers."""
-
-    @property
-    def sensor(self) -> Sensor:
-        """Sensor that the network is for."""
-
-    @property
-    def trials_range(self) -> tuple[int, int] | None:
-        """Smallest and largest K of a K-conditioned network."""
-
-    @property
-    def tied(self) -> bool:
-        """Whether the network takes counts."""
-
-    @property
-    def engine_network(self) -> engine.Network:
-        """The network in the engine."""
-
-    def estimates_zeros(self, sensor: Sensor) -> bool:
-        """Return whether a K-conditioned network estimates P(b = 0) for a sensor."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
@@ -19,7 +18,7 @@ from jotlight.networks.architectures import (
 )
 from jotlight.networks.conditional_inference import estimate_intensity
 from jotlight.networks.description import html_of, repr_of
-from jotlight.networks.engine_backed import EngineBacked, sensor_model
+from jotlight.networks.engine_backed import GrayNetwork
 from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.inference import Image, Inference
 from jotlight.networks.layer import Layer
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
 
 
 @require_layers
-class Network(EngineBacked, TorchHints):
+class Network(GrayNetwork, TorchHints):
     """A reconstruction network: linear filters and pointwise splines, equations (8) to (11).
 
     Parameters
@@ -191,11 +190,6 @@ class Network(EngineBacked, TorchHints):
         }
         return cls(layers, Sensor(), history, trials_range=trials_range)
 
-    @property
-    def tied(self) -> bool:
-        """Whether the first layer has one weight for all bits of a pixel and so accepts counts."""
-        return self.layers[0].shape[1:] == (1, 1, 1)
-
     def reconstruct(
         self,
         data: Data,
@@ -258,35 +252,6 @@ class Network(EngineBacked, TorchHints):
         own = self.sensor if self.trials_range is None or trials is not None else None
         return carried_sensor(data) or self.default_sensor or own
 
-    def conditioned_layers(self, trials: int, *, zeros: bool = False) -> tuple[Layer, ...]:
-        """Return the layers of a K-conditioned network with the parameters for K = `trials`.
-
-        They map counts to P(b = 1), or to P(b = 0) if `zeros`. The results can lie slightly outside
-        of [0, 1].
-        """
-        assert self.trials_range, "a K-conditioned network"
-        parameters = self.engine_network.conditioned(trials, zeros)
-        return tuple(
-            dataclasses.replace(layer, filters=filters, coefficients=coefficients)
-            for layer, (filters, coefficients) in zip(self.layers, parameters, strict=True)
-        )
-
-    def estimates_zeros(self, sensor: Sensor) -> bool:
-        """Return whether a K-conditioned network estimates P(b = 0) for a sensor.
-
-        Near saturation, P(b = 1) is close to 1, and float32 holds only a few digits of
-        1 - P(b = 1), on which the intensity depends. So for bright sensors, the network estimates
-        P(b = 0) from the zeros. Its last spline, which maps to P(b = 1), is replaced by its
-        complement.
-
-        Examples
-        --------
-        >>> network = Network.conditional("small", rng=0)
-        >>> network.estimates_zeros(Sensor()), network.estimates_zeros(Sensor(gain=25.0))
-        (False, True)
-        """
-        return self.engine_network.estimates_zeros(sensor_model(sensor))
-
     def denoise_probability(
         self, fraction: Image, trials: int, *, threads: int | None = None
     ) -> Image:
@@ -335,9 +300,11 @@ class Network(EngineBacked, TorchHints):
     def export_onnx(self, path: str | os.PathLike[str], sensor: Sensor | None = None) -> None:
         """Write an ONNX model from counts (N, 1, H, W) to intensities (extra `onnx`).
 
-        :func:`jotlight.networks.onnx_export.write_onnx` describes the model and the errors.
+        The sensor is by default the one for which :func:`jotlight.pretrained` was called, else the
+        network's. :func:`jotlight.networks.onnx_export.write_onnx` describes the model and the
+        errors.
         """
-        write_onnx(path, self, sensor)
+        write_onnx(path, self, sensor or self.default_sensor)
 
     def plot(self) -> Figure:
         """Return a figure of splines and filters: those of the first and the last trained layer."""

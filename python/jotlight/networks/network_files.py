@@ -5,7 +5,7 @@ import operator
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ import numpy.typing as npt
 from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.networks import color_planes, film_planes
 from jotlight.networks.architectures import QUALITIES
+from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.layer import Layer
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
@@ -33,23 +34,9 @@ _UNKNOWN = "a network of another kind", ""
 _Network = TypeVar("_Network")
 
 
-class WritableNetwork(Protocol):
-    """The parts of a network that a file holds."""
-
-    layers: tuple[Layer, ...]
-    sensor: Sensor
-    rotations: int
-    planes: ClassVar[int]
-    history: dict[str, Any]
-
-    @property
-    def trials_range(self) -> tuple[int, int] | None:
-        """Smallest and largest K of a K-conditioned network."""
-
-
 def write_network(
     path: str | os.PathLike[str],
-    network: WritableNetwork,
+    network: EngineBacked,
 ) -> None:
     """Write the parts of a network to a file atomically.
 

@@ -20,7 +20,7 @@ import json
 import math
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ from jotlight.argument_types import as_path
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.files import write_file
+from jotlight.networks.engine_backed import GrayNetwork
 from jotlight.networks.graph import size_divisor, sources
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
@@ -53,29 +54,7 @@ _MAX_EXPONENT = 17.5
 """Above -log(1 - p) of the largest p below 1 in float32, which is 16.6."""
 
 
-class ExportableNetwork(Protocol):
-    """The parts of a network that a model needs."""
-
-    layers: tuple[Layer, ...]
-    sensor: Sensor
-    default_sensor: Sensor | None
-    trials_range: tuple[int, int] | None
-    rotations: int
-
-    @property
-    def tied(self) -> bool:
-        """Whether the network accepts counts."""
-
-    def conditioned_layers(self, trials: int, *, zeros: bool = False) -> tuple[Layer, ...]:
-        """Return the layers for K = `trials`."""
-
-    def estimates_zeros(self, sensor: Sensor) -> bool:
-        """Return whether the network estimates P(b = 0) for a sensor."""
-
-
-def write_onnx(
-    path: str | os.PathLike[str], network: ExportableNetwork, sensor: Sensor | None
-) -> None:
+def write_onnx(path: str | os.PathLike[str], network: GrayNetwork, sensor: Sensor | None) -> None:
     """Write the ONNX model of a network for a sensor. The module describes the model.
 
     Parameters
@@ -85,8 +64,7 @@ def write_onnx(
     network : jotlight.Network
         The network.
     sensor : Sensor, optional
-        The sensor of the data, without maps of its jots. Default: the one for which
-        :func:`jotlight.pretrained` was called, else the network's.
+        The sensor of the data, without maps of its jots. Default: the network's.
 
     Raises
     ------
@@ -100,12 +78,13 @@ def write_onnx(
     --------
     >>> import tempfile
     >>> from jotlight.networks.pretrained import pretrained
+    >>> sensor = Sensor(frames=16)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_onnx(f"{folder}/medium.onnx", pretrained(Sensor(frames=16)), None)
+    ...     write_onnx(f"{folder}/medium.onnx", pretrained(sensor), sensor)
     """
     refuse_rotations(network.rotations, "ONNX models")
     own, trials_range = network.sensor, network.trials_range
-    sensor = choose_sensor(sensor, network.default_sensor, own, trials_range, tied=network.tied)
+    sensor = choose_sensor(sensor, own, trials_range, tied=network.tied)
     try:
         from jotlight.networks.onnx_graph import GraphBuilder
     except ImportError as error:
@@ -135,7 +114,7 @@ def write_onnx(
 
 
 def _add_conditional(
-    graph: "GraphBuilder", counts: str, network: ExportableNetwork, sensor: Sensor
+    graph: "GraphBuilder", counts: str, network: GrayNetwork, sensor: Sensor
 ) -> str:
     """Return the intensities of a K-conditioned network, as `denoise_fractions` does."""
     assert network.trials_range is not None, "a K-conditioned network"
@@ -222,7 +201,7 @@ def _inverse_cubics(threshold: int, max_rate: float) -> Cubics:
 
 
 def _add_equivalent_counts(
-    graph: "GraphBuilder", data: str, network: ExportableNetwork, sensor: Sensor
+    graph: "GraphBuilder", data: str, network: GrayNetwork, sensor: Sensor
 ) -> str:
     """Return the counts that the network's own sensor would report: a table of the counts."""
     reference = Jot(reference_jot(sensor).efficiency, reference_jot(network.sensor).dark_counts)

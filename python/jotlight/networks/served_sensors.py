@@ -54,7 +54,6 @@ def check_served(
 
 def choose_sensor(
     sensor: Sensor | None,
-    default: Sensor | None,
     own: Sensor,
     trials_range: tuple[int, int] | None,
     *,
@@ -64,8 +63,8 @@ def choose_sensor(
 
     Parameters
     ----------
-    sensor, default : Sensor, optional
-        Sensor that a caller states, and the one that replaces it.
+    sensor : Sensor, optional
+        Sensor that a caller states.
     own, trials_range, tied
         Properties of the network, as for :func:`check_served`. Its own sensor is the last choice,
         but a K-conditioned network has none that would fit.
@@ -78,10 +77,9 @@ def choose_sensor(
 
     Examples
     --------
-    >>> choose_sensor(None, None, Sensor(frames=16), None, tied=True)
+    >>> choose_sensor(None, Sensor(frames=16), None, tied=True)
     Sensor(frames=16)
     """
-    sensor = sensor or default
     if sensor is None:
         if trials_range is not None:
             raise ValueError(

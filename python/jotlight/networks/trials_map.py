@@ -10,27 +10,18 @@ estimate.
 """
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
 from jotlight.estimators.trial_levels import LocalTrials, fill_from_nearest, local_trials
+from jotlight.networks.engine_backed import EngineBacked
 
 Image = npt.NDArray[np.float32]
 
 
-class ConditionalNetwork(Protocol):
-    """A K-conditioned network."""
-
-    @property
-    def engine_network(self) -> engine.Network:
-        """The network in the engine."""
-
-
 def denoise_map(
-    network: ConditionalNetwork, ones: Image, trials: Image, *, threads: int | None = None
+    network: EngineBacked, ones: Image, trials: Image, *, threads: int | None = None
 ) -> Image:
     """Return the probability of a one at each pixel, (H, W).
 
@@ -53,7 +44,7 @@ def denoise_map(
 
 
 def denoise_fractions(
-    network: ConditionalNetwork,
+    network: EngineBacked,
     fractions: Image,
     trials: Sequence[LocalTrials],
     *,

@@ -263,7 +263,7 @@ class Network(nn.Module):
         """Return the sensor of the data, after checks."""
         origin = self.origin
         sensor = choose_sensor(
-            sensor, origin.default_sensor, origin.sensor, self._trials_range, tied=self._is_tied
+            sensor or origin.default_sensor, origin.sensor, self._trials_range, tied=self._is_tied
         )
         check_data(data, sensor, self._pixel_side, is_bits=not self._is_tied)
         return sensor
