@@ -15,7 +15,16 @@ VIEWED = Viewed.from_data(jl.Sensor(frames=4).expose(np.full((2, 2), 0.5), rng=0
 def estimate_of(*values):
     image = np.array([values], np.float32)
     trials = np.full(image.shape, 4.0)
-    return Estimate(image, np.zeros(image.shape, int), trials, VIEWED.sensor(4), "mle", "", 0, None)
+    return Estimate(
+        image=image,
+        counts=np.zeros(image.shape, int),
+        trials=trials,
+        sensor=VIEWED.sensor(4),
+        method="mle",
+        title="",
+        seconds=0,
+        data=None,
+    )
 
 
 @pytest.mark.parametrize("value", [1e-40, 9e-17, 1.0, 1e13, 1e38])

@@ -94,17 +94,17 @@ def reconstruction_job(
     shown = {"curve": outputs.curve, "white": outputs.white}
     facts |= {name: value for name, value in shown.items() if value is not None}
     job = ImageJob(
-        target.name,
-        source,
-        len(bits),
-        side,
-        estimator,
-        target.output,
-        run_record(target.name, bits, source, **facts),
-        4 * math.prod(_result_shape(bits, 1, estimator)),
-        outputs.depth,
-        outputs.curve,
-        outputs.stated_white(prepared.white),
+        name=target.name,
+        capture=source,
+        frames=len(bits),
+        oversampling=side,
+        estimator=estimator,
+        output=target.output,
+        run=run_record(target.name, bits, source, **facts),
+        nbytes=4 * math.prod(_result_shape(bits, 1, estimator)),
+        depth=outputs.depth,
+        curve=outputs.curve,
+        white=outputs.stated_white(prepared.white),
     )
     return job, assumptions(prepared)
 

@@ -24,7 +24,7 @@ from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Reconstruction:
     """All that determines the estimate of an image."""
 
@@ -144,14 +144,14 @@ class Inputs:
         settings = self.method.settings()
         white = choice.max_intensity if is_range_known else None
         return Reconstruction(
-            self.path,
-            captured,
-            choice,
-            method,
-            settings,
-            calibration,
-            white,
-            self.method.model,
+            path=self.path,
+            captured=captured,
+            choice=choice,
+            method=method,
+            settings=settings,
+            calibration=calibration,
+            white=white,
+            model=self.method.model,
         )
 
     def _adapt(self, captured: Captured, network: AnyNetwork | None) -> Captured:

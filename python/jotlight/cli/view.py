@@ -190,7 +190,14 @@ def _opening(
     if sensor.calibration is not None:
         facts["calibration_sha256"] = file_checksum(sensor.calibration)
     return Opening(
-        path, tuple(words), arguments, tuple(lines), frames, of_window, sensor.find_hot_jots, facts
+        path,
+        argv=tuple(words),
+        arguments=arguments,
+        sensor_lines=tuple(lines),
+        frames=frames,
+        of_window=of_window,
+        searches_all=sensor.find_hot_jots,
+        facts=facts,
     )
 
 

@@ -117,7 +117,7 @@ class VideoJob:
         self.store.finish()
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class ImageJob:
     """One estimate of a whole capture, as an image with a record beside it."""
 

@@ -56,7 +56,7 @@ _MAX_ERROR = 0.5
 """Largest error of the displacements in pixels with which frames can be aligned."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class MotionPlan:
     """The expected quality of a moving scene, with and without alignment.
 
@@ -174,15 +174,15 @@ def plan_motion(
     best_sum = int(search[np.argmax(summed)])
     error = film.registration_error
     return MotionPlan(
-        speed,
-        size,
-        frames,
-        np.array([film.summed(int(number)) for number in frames]),
-        np.array([film.aligned(int(number)) for number in frames]),
-        best_sum,
-        film.enough() if error <= _MAX_ERROR and in_view >= MIN_FRAMES else None,
-        in_view,
-        error,
+        speed=speed,
+        size=size,
+        frames=frames,
+        summed=np.array([film.summed(int(number)) for number in frames]),
+        aligned=np.array([film.aligned(int(number)) for number in frames]),
+        best_sum=best_sum,
+        best_aligned=(film.enough() if error <= _MAX_ERROR and in_view >= MIN_FRAMES else None),
+        frames_in_view=in_view,
+        registration_error=error,
     )
 
 

@@ -29,7 +29,7 @@ _SIDE = 8
 """Side of the squares whose ones the engine counts fastest."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Burst:
     """Frames of counts, which are read as planes of bits.
 
@@ -193,7 +193,16 @@ def _burst_of_bits(bits: Bits) -> Burst:
     frame_bytes = max(1, bits.packed.nbytes // frames)
     is_in_memory = not channels and not isinstance(bits.packed, Frames)
     color = bool(channels)
-    return Burst(frames, (height, width), number, number, color, frame_bytes, read, is_in_memory)
+    return Burst(
+        frames=frames,
+        size=(height, width),
+        trials=number,
+        channels=number,
+        color=color,
+        frame_bytes=frame_bytes,
+        read=read,
+        is_in_memory=is_in_memory,
+    )
 
 
 def _burst_of_counts(stack: CountStack) -> Burst:
@@ -220,7 +229,15 @@ def _burst_of_counts(stack: CountStack) -> Burst:
 
     total = trials * number
     frame_bytes = height * -(-width // 8) * total.bit_length() + images.nbytes // frames
-    return Burst(frames, (height, width), total, number, bool(channels), frame_bytes, read)
+    return Burst(
+        frames=frames,
+        size=(height, width),
+        trials=total,
+        channels=number,
+        color=bool(channels),
+        frame_bytes=frame_bytes,
+        read=read,
+    )
 
 
 def refuse_pixels(sensor: Sensor) -> None:

@@ -92,13 +92,13 @@ def _fine_blocks(blocks: Blocks) -> Blocks:
         maps[:, ::2, ::2] = jots.maps
         jots = Jots(jots.threshold, jots.reference, maps)
     fine = Burst(
-        len(burst),
-        (2 * height, 2 * width),
-        burst.trials,
-        burst.channels,
-        burst.color,
-        4 * burst.frame_bytes,
-        read,
+        frames=len(burst),
+        size=(2 * height, 2 * width),
+        trials=burst.trials,
+        channels=burst.channels,
+        color=burst.color,
+        frame_bytes=4 * burst.frame_bytes,
+        read=read,
         dark=burst.dark,
     )
     valid = fine_frames(valid[None], width)[0]

@@ -36,7 +36,7 @@ _MAX_BRIEF_PIXELS = 1 << 20
 """Number of pixels whose maximum likelihood one thread finds in a few milliseconds."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Estimate:
     """An image of a window, and how it was made."""
 
@@ -108,7 +108,17 @@ def fraction_estimate(viewed: Viewable, counts: Counts, number: int) -> Estimate
     counted = counted_by(sensor)
     largest = sensor.trials * counted.largest
     image = (counts / largest).astype(np.float32)
-    return Estimate(image, counts, largest, sensor, COUNTS, counted.title, 0.0, counts, counted)
+    return Estimate(
+        image=image,
+        counts=counts,
+        trials=largest,
+        sensor=sensor,
+        method=COUNTS,
+        title=counted.title,
+        seconds=0.0,
+        data=counts,
+        counted=counted,
+    )
 
 
 def fraction_at(intensity: float, sensor: Sensor) -> float:
@@ -206,7 +216,17 @@ def estimate(
     seconds = time.perf_counter() - start
     if (remark := clipping_of(choice, float(image.max()))) is not None:
         warn(remark)
-    return Estimate(image, counts, trials, sensor, method, info.title, seconds, data, counted)
+    return Estimate(
+        image=image,
+        counts=counts,
+        trials=trials,
+        sensor=sensor,
+        method=method,
+        title=info.title,
+        seconds=seconds,
+        data=data,
+        counted=counted,
+    )
 
 
 def _live_counts(

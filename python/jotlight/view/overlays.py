@@ -114,7 +114,10 @@ def find_saturated(estimate: Estimate) -> Map:
     --------
     >>> from jotlight.sensing.sensor import Sensor
     >>> counts = np.array([[3, 4]], np.int32)
-    >>> made = Estimate(counts.astype(np.float32), counts, 4, Sensor(frames=4), "", "", 0, counts)
+    >>> made = Estimate(
+    ...     image=counts.astype(np.float32), counts=counts, trials=4, sensor=Sensor(frames=4),
+    ...     method="mle", title="", seconds=0.0, data=counts,
+    ... )
     >>> find_saturated(made).tolist()
     [[0, 1]]
     """

@@ -25,7 +25,7 @@ def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
     --------
     >>> from jotlight.sensing.sensor import Sensor
     >>> from jotlight.view.viewed import Viewed
-    >>> opening = Opening("a capture.npy", ("--gain", "2.0"), {}, ("sensor = jl.Sensor()",))
+    >>> opening = Opening("a capture.npy", argv=("--gain", "2.0"))
     >>> bits = Sensor(frames=8).expose([[0.5, 0.5]], rng=0)
     >>> viewed = Viewed("a capture.npy", bits, Sensor(frames=8), opening=opening)
     >>> recipe(viewed, ViewState(2, 4, "mle", white=0.5))["command"]

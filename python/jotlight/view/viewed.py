@@ -64,6 +64,7 @@ class Opening:
     """
 
     path: str | None = None
+    _: dataclasses.KW_ONLY
     argv: tuple[str, ...] = ()
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     sensor_lines: tuple[str, ...] = ()
