@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.finer import double, fine_frames
+from jotlight.motion.finer import fine_frames
+from jotlight.squares import repeat_squares
 from moving import constant_motion, in_memory, moved
 
 module = importlib.import_module("jotlight.motion.merge")
@@ -82,8 +83,10 @@ def test_whole_shifts_cover_a_quarter_of_the_grid():
     assert (fine.trials[~covered] == 0).all()
     np.testing.assert_array_equal(fine.trials[::2, ::2], coarse.trials)
     np.testing.assert_array_equal(fine.ones[::2, ::2], coarse.ones)
-    np.testing.assert_array_equal(fine.acceptance, double(coarse.acceptance))
-    np.testing.assert_array_equal(fine.posterior_error, 2 * double(coarse.posterior_error))
+    np.testing.assert_array_equal(fine.acceptance, repeat_squares(coarse.acceptance, 2))
+    np.testing.assert_array_equal(
+        fine.posterior_error, 2 * repeat_squares(coarse.posterior_error, 2)
+    )
 
 
 def test_no_reading_is_lost():

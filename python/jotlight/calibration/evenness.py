@@ -9,6 +9,7 @@ from jotlight.calibration.jot_counts import Rates
 from jotlight.calibration.light import LocalLight, window_mean, window_sum
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.sensing.periodic_rates import THRESHOLD, PeriodicRates, largest_period
+from jotlight.squares import mean_squares
 
 MIN_STRUCTURE = 0.1
 """Minimum standard deviation of light that looks like the image of a scene, relative to the mean.
@@ -141,8 +142,7 @@ def find_periods(relative: Rates, known: Flags) -> PeriodicRates | None:
 def _binned(rates: npt.NDArray[np.float32], side: int) -> Rates:
     """Return the means of squares of jots, with an even number of rows and columns of them."""
     height, width = (length // (2 * side) * 2 for length in rates.shape)
-    whole = rates[: height * side, : width * side]
-    return np.asarray(whole.reshape(height, side, width, side).mean(axis=(1, 3), dtype=np.float64))
+    return mean_squares(rates[: height * side, : width * side], side, np.float64)
 
 
 def _score(jots: npt.NDArray[np.float32], side: int) -> tuple[float, float]:

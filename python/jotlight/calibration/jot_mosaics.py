@@ -7,6 +7,7 @@ import numpy as np
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import MAX_PERIOD, Mosaic
 from jotlight.sensing.sensor import Sensor
+from jotlight.squares import repeat_squares
 
 
 def mosaic_of_jots(flat: object, mosaic: object, shape: tuple[int, ...]) -> Mosaic | None:
@@ -89,7 +90,7 @@ def mosaic_of_pixels(jots: Mosaic, oversampling: int) -> Mosaic:
         sizes = np.array(pattern.shape)
         pattern = np.tile(pattern, np.lcm(sizes, oversampling) // sizes)
     pixels = pattern[::oversampling, ::oversampling]
-    covered = pixels.repeat(oversampling, axis=0).repeat(oversampling, axis=1)
+    covered = repeat_squares(pixels, oversampling)
     if not np.array_equal(covered, pattern):
         raise ValueError(
             f"oversampling: expected pixels whose jots lie behind one filter of the calibration's "

@@ -28,6 +28,7 @@ from jotlight.sensing.pixel_counts import (
 )
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
+from jotlight.squares import repeat_squares
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
@@ -313,7 +314,7 @@ def _standard_error(
         efficiency=efficiency,
         dark_counts=dark_counts,
         threads=threads,
-    ).information(light.repeat(side, 1).repeat(side, 2))
+    ).information(repeat_squares(light, side))
     blocks = information.reshape(images, height, side, width, side)
     pixel_information = blocks.sum(axis=(2, 4))
     with np.errstate(divide="ignore", over="ignore"):

@@ -11,6 +11,7 @@ from jotlight.blur import blur
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
 from jotlight.motion.scoring import Template, without_shift
 from jotlight.motion.sums import Sums
+from jotlight.squares import repeat_squares
 
 Image = npt.NDArray[np.float32]
 
@@ -67,8 +68,7 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     engine.disagreement(first.ones, first.trials, second.ones, second.trials, squares, threads)
     ratios, known = blur(squares / _SQUARE**2, _SPREAD / _SQUARE, threads)
     values = (ratios + _PRIOR) / (known + _PRIOR)
-    pixels = values.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
-    return np.asarray(pixels[:height, :width])
+    return repeat_squares(np.asarray(values), _SQUARE, (height, width))
 
 
 def _limit_trials(sums: Sums) -> Sums:

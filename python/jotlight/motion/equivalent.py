@@ -15,6 +15,7 @@ import numpy.typing as npt
 from jotlight.motion.jots import Image, Jots, SeenJots, inverse_response, response
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import add_squares
+from jotlight.squares import repeat_squares
 
 MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability from 0 and from 1."""
@@ -70,8 +71,7 @@ def estimate_probability(sums: Sums) -> Image:
     ones, trials, *jots = (_box(add_squares(each, _SQUARE)) for each in parts)
     squares = _estimate(ones, trials, SeenJots(sums.jots.jots, np.stack(jots)))
     height, width = sums.ones.shape
-    pixels = squares.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
-    return np.ascontiguousarray(pixels[:height, :width])
+    return np.ascontiguousarray(repeat_squares(squares, _SQUARE, (height, width)))
 
 
 def flatten_counts(

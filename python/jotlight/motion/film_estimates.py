@@ -16,6 +16,7 @@ from jotlight.networks.pretrained import FILM_START, FOLDER, pretrained_film
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.reference import response_of
+from jotlight.squares import mean_squares
 
 Image = npt.NDArray[np.float32]
 
@@ -170,8 +171,8 @@ def displaced(last: Image, displacement: npt.NDArray[np.floating], side: int = 1
     from scipy.ndimage import map_coordinates
 
     height, width = last.shape
-    jots = displacement.reshape(2, height, side, width, side)
-    places = np.indices(last.shape, np.float32) + jots.mean(axis=(2, 4)) / np.float32(side)
+    moved = mean_squares(displacement, side) / np.float32(side)
+    places = np.indices(last.shape, np.float32) + moved
     inside = (places >= 0) & (places <= np.reshape([height - 1, width - 1], (2, 1, 1)))
     found = map_coordinates(last, places, np.float32, order=1, mode="nearest")
     return np.asarray(np.where(inside.all(axis=0), found, np.float32(np.nan)))

@@ -10,7 +10,6 @@ columns, and the others do not count. The engine then shifts it by whole pixels 
 """
 
 import dataclasses
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,10 +21,9 @@ from jotlight.motion.jots import Jots
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import interpolate_at, tile_centers
 from jotlight.motion.track import Paths, Track
+from jotlight.squares import repeat_squares
 
 Packed = npt.NDArray[np.uint8]
-
-Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 def _fine_bytes() -> npt.NDArray[np.uint16]:
@@ -59,18 +57,7 @@ def fine_paths(paths: Paths) -> Paths:
     """Return the same paths on the fine grid, over the same bits."""
     blocks = _fine_blocks(paths.blocks)
     tracks = [_fine_track(track, blocks) for track in paths.tracks]
-    return dataclasses.replace(paths, tracks=tracks, labels=double(paths.labels))
-
-
-def double(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
-    """Return a map (H, W) with each value in 2 x 2 pixels, (2 H, 2 W).
-
-    Examples
-    --------
-    >>> double(np.array([[1, 2]])).tolist()
-    [[1, 1, 2, 2], [1, 1, 2, 2]]
-    """
-    return values.repeat(2, axis=0).repeat(2, axis=1)
+    return dataclasses.replace(paths, tracks=tracks, labels=repeat_squares(paths.labels, 2))
 
 
 def _fine_blocks(blocks: Blocks) -> Blocks:
@@ -129,5 +116,5 @@ def count_fine(paths: Paths, consistent: Consistent) -> Sums:
         # Tracks keep the sums of all blocks, and these are large. New ones do not.
         tracks = [dataclasses.replace(track) for track in paths.tracks]
         sums = dataclasses.replace(paths, tracks=tracks).sums(block)
-        total += sums.masked(double(consistent.mask(block)))
+        total += sums.masked(repeat_squares(consistent.mask(block), 2))
     return total

@@ -18,6 +18,7 @@ from jotlight.motion.expected_errors import (
 from jotlight.motion.motion import Motion
 from jotlight.motion.scoring import make_template
 from jotlight.motion.tiles import add_squares
+from jotlight.squares import repeat_squares
 
 Mask = npt.NDArray[np.bool_]
 
@@ -100,8 +101,7 @@ def unclear_pixels(
     unclear = np.zeros((height, width), bool)
     limit = max(_MAX_REJECTED, _CONCENTRATION * float(in_squares.mean()))
     if np.quantile(in_squares, 0.99) > limit:
-        large = (rejected > limit).repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
-        unclear |= large[:height, :width]
+        unclear |= repeat_squares(rejected > limit, _SQUARE, (height, width))
     strong = in_view & (disagreements > _STRONG)
     if np.count_nonzero(strong) > _MAX_STRONG * np.count_nonzero(in_view):
         unclear |= strong

@@ -9,6 +9,7 @@ from jotlight.motion.equivalent import equivalent_sums, expected_probability
 from jotlight.motion.scoring import Template, make_template
 from jotlight.motion.sums import Sums
 from jotlight.motion.track import Counted
+from jotlight.squares import repeat_squares
 
 Share = npt.NDArray[np.float32]
 Make = Callable[[Sums, int | None], Template]
@@ -112,5 +113,4 @@ def _centers(length: int) -> npt.NDArray[np.float32]:
 
 def _at_pixels(samples: Share, size: tuple[int, int]) -> Share:
     """Return samples of every fourth row and column at all pixels, (H, W)."""
-    pixels = samples.repeat(_STEP, axis=0).repeat(_STEP, axis=1)
-    return pixels[: size[0], : size[1]]
+    return repeat_squares(samples, _STEP, size)

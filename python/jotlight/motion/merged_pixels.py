@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.consistency import Consistent
-from jotlight.motion.finer import double
 from jotlight.motion.jots import SeenJots
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
@@ -16,6 +15,7 @@ from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
+from jotlight.squares import mean_squares, repeat_squares
 
 Map = npt.NDArray[np.float64]
 
@@ -98,9 +98,9 @@ def as_fine(
         channels,
         sensor,
         color=color,
-        acceptance=double(accepted),
-        posterior_error=2 * double(posterior_error(motion)),
-        flags=double(flags),
+        acceptance=repeat_squares(accepted, 2),
+        posterior_error=2 * repeat_squares(posterior_error(motion), 2),
+        flags=repeat_squares(flags, 2),
         upsample=2,
     )
 
@@ -129,11 +129,7 @@ def _sum_pixels(values: npt.NDArray[Any], side: int) -> npt.NDArray[Any]:
 
 def _mean_of_pixels(values: npt.NDArray[np.float32], side: int) -> npt.NDArray[np.float32]:
     """Return the means over the jots of each pixel."""
-    if side == 1:
-        return np.ascontiguousarray(values)
-    height, width = values.shape
-    jots = values.reshape(height // side, side, width // side, side)
-    return np.asarray(jots.mean(axis=(1, 3), dtype=np.float64), np.float32)
+    return np.asarray(mean_squares(values, side, np.float64), np.float32)
 
 
 def mean_map(merged: Sequence[Merged], name: str) -> npt.NDArray[np.float64]:

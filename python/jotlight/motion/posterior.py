@@ -6,6 +6,7 @@ import numpy.typing as npt
 from jotlight.motion.labels import choose
 from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import TILE
+from jotlight.squares import repeat_squares
 
 _MAX_ERROR = 100.0
 """Largest stated error in jots, for tiles without information."""
@@ -30,5 +31,5 @@ def posterior_error(motion: Motion) -> npt.NDArray[np.float32]:
     is_lit |= ~is_lit.any(axis=1, keepdims=True)
     weights = np.broadcast_to(is_lit[:, :, None, None], variance.shape)
     error = np.sqrt(np.average(variance, axis=1, weights=weights)).astype(np.float32)
-    jots = error.repeat(TILE, axis=1).repeat(TILE, axis=2)[:, :height, :width]
+    jots = repeat_squares(error, TILE, (height, width))
     return choose(motion.labels, list(jots))

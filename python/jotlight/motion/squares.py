@@ -22,6 +22,7 @@ from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
+from jotlight.squares import mean_squares, repeat_squares
 
 Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.uint32]
 Map = npt.NDArray[np.float64]
@@ -184,9 +185,9 @@ def in_squares(
 
 def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) -> Sensor:
     """Return the gray sensor whose jots are squares of jots."""
-    light = _mean(good * _shares(sensor, good.shape) * np.asarray(sensor.efficiency), side)
-    dark_counts = _mean(good * np.asarray(sensor.dark_counts), side)
-    dead = _mean(good.astype(np.float64), side) < _MIN_JOTS
+    light = mean_squares(good * _shares(sensor, good.shape) * np.asarray(sensor.efficiency), side)
+    dark_counts = mean_squares(good * np.asarray(sensor.dark_counts), side)
+    dead = mean_squares(good.astype(np.float64), side) < _MIN_JOTS
     usual = float(light.max()) or 1.0
     trials = frames * side**2
     maps: dict[str, Any] = {
@@ -216,13 +217,6 @@ def _shares(sensor: Sensor, shape: tuple[int, ...]) -> Map:
     rate = inverse_detection_probability(int(thresholds[0]), 0.5, 0.5)
     ones = np.array([detection_probability(int(each), rate) for each in thresholds])
     return np.asarray(ones[places].reshape(shape) / 0.5)
-
-
-def _mean(values: Map, side: int) -> Map:
-    """Return the means over squares."""
-    rows, columns = (length // side for length in values.shape)
-    whole = values[: rows * side, : columns * side]
-    return np.asarray(whole.reshape(rows, side, columns, side).mean(axis=(1, 3)))
 
 
 def enlarge_motion(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
@@ -261,7 +255,7 @@ def enlarge_motion(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
     ]
     # A displacement in jots is larger than in squares, and so is its error.
     information = motion.information[..., nearest[0][:, None], nearest[1]] / np.float32(side**2)
-    labels = motion.labels.repeat(side, axis=0).repeat(side, axis=1)
+    labels = repeat_squares(motion.labels, side)
     beyond = [(0, length - known) for length, known in zip(size, labels.shape, strict=True)]
     return Motion(
         nodes.astype(np.float32),

@@ -14,6 +14,7 @@ from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import add_squares
 from jotlight.motion.track import Counted
+from jotlight.squares import repeat_squares
 
 Mask = npt.NDArray[np.bool_]
 
@@ -71,8 +72,7 @@ def _rejected_nearby(consistent: Consistent, threads: int | None) -> npt.NDArray
 
 def _packed(squares: Mask, size: tuple[int, int]) -> npt.NDArray[np.uint8]:
     """Return the pixels of squares (n, rows, columns) as masks, packed as in Consistent."""
-    pixels = squares.repeat(_SQUARE, axis=1).repeat(_SQUARE, axis=2)
-    return np.packbits(pixels[:, : size[0], : size[1]], axis=2)
+    return np.packbits(repeat_squares(squares, _SQUARE, size), axis=2)
 
 
 def _with_masks(paths: Counted, usual: Consistent, masks: npt.NDArray[np.uint8]) -> Consistent:

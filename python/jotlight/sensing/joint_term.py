@@ -9,6 +9,7 @@ import numpy.typing as npt
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.response import Array, detection_density, detection_probability
+from jotlight.squares import repeat_squares
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Term:
         """Return the light of each cell of the likelihood."""
         light = self.light * intensity
         if self.side > 1:
-            light = light.repeat(self.side, 0).repeat(self.side, 1)
+            light = repeat_squares(light, self.side)
         return light if self.live is None else light[self.live]
 
     def sum_pixels(self, values: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.arrays import HasReadOnlyArrays
 from jotlight.sensing import mosaic_checks, mosaic_text
+from jotlight.squares import repeat_squares
 
 Pattern = npt.NDArray[np.uint8]
 Colors = npt.NDArray[np.float64]
@@ -188,7 +189,7 @@ class Mosaic(HasReadOnlyArrays):
         [[0, 0, 1, 1], [0, 0, 1, 1]]
         """
         pixels = self.full(height // oversampling, width // oversampling)
-        return pixels.repeat(oversampling, axis=0).repeat(oversampling, axis=1)
+        return repeat_squares(pixels, oversampling)
 
     def without_white_balance(self) -> Self:
         """Return the mosaic with the white balance 1, so that estimates are intensities.

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import number_in_range
+from jotlight.squares import repeat_squares
 from jotlight.training.patch_sources import Patch, PatchSource
 
 _IMAGE_MEAN = 0.5
@@ -200,7 +201,7 @@ def _draw_small_text(rng: np.random.Generator, side: int) -> _Canvas:
         draw.text((-int(rng.integers(0, 16)), row), line, fill=ink, font=font)
         row += int(rng.integers(height, 2 * height))
     small = np.rot90(np.asarray(image, np.float32) / np.float32(255), int(rng.integers(4)))
-    return small.repeat(_SUPERSAMPLING, 0).repeat(_SUPERSAMPLING, 1)
+    return repeat_squares(small, _SUPERSAMPLING)
 
 
 _DRAWINGS: tuple[Callable[[np.random.Generator, int], _Canvas], ...] = (
