@@ -34,8 +34,8 @@ from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.film_planes import START, Counts, film_planes, usual_trials
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
-from jotlight.networks.planes_layers import arcsin_root
 from jotlight.networks.pretrained import FILM_FILE, FILM_START, FOLDER
+from jotlight.sensing.binomial import arcsin_root
 from jotlight.sensing.reference import response_of
 from jotlight.training.film_patches import FilmExample, FilmPatches
 

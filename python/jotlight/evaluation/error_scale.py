@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.networks.dim_scenes import trials_per_combined
+from jotlight.sensing.binomial import arcsin_root, squared_sine
 from jotlight.sensing.response import Array
 from jotlight.sensing.subsampling import subsample_counts
 
@@ -157,7 +158,7 @@ def log_activity(z: Array, trials: Array, side: int) -> Array:
 
 def log_ones(z: Array, trials: Array) -> Array:
     """Return log(1 + expected ones)."""
-    return np.asarray(np.log1p(trials * np.sin(z) ** 2))
+    return np.asarray(np.log1p(trials * squared_sine(z)))
 
 
 def _class_weights(values: Array, centers: Array) -> list[Array]:
@@ -178,11 +179,11 @@ def combine_dim(z: Array, trials: Array) -> tuple[Array, Array, float]:
     >>> print(f"{z.mean():.3f} {trials.mean():.0f} {factor:.0f}")
     0.253 4 256
     """
-    p = np.sin(z) ** 2
+    p = squared_sine(z)
     factor = trials_per_combined(p.astype(np.float32), trials.astype(np.float32))
     if factor == 1:
         return z, trials, factor
-    return np.arcsin(np.sqrt(np.minimum(factor * p, 1))), trials / factor, factor
+    return arcsin_root(factor * p), trials / factor, factor
 
 
 def gray_scale(model: ErrorModel, z: Array, trials: Array) -> Array:
@@ -243,12 +244,12 @@ class HalfErrors:
         known = (number >= MIN_HELD_OUT) & (trained.trials > 0)
         mean = held_out.ones / np.maximum(number, 1)
         noise = mean * (1 - mean) / np.maximum(number - 1, 1)
-        squared = (mean - np.sin(z) ** 2) ** 2 - noise
+        squared = (mean - squared_sine(z)) ** 2 - noise
         # Half a count keeps the fraction away from 0 and 1.
         fraction = (trained.ones + 0.5) / (trained.trials + 1)
         of_one, of_zero = (
             np.log(np.maximum(ratio, _MIN_RATIO))
-            for ratio in (np.sin(z) ** 2 / fraction, np.cos(z) ** 2 / (1 - fraction))
+            for ratio in (squared_sine(z) / fraction, np.cos(z) ** 2 / (1 - fraction))
         )
         gain = held_out.ones * of_one + (number - held_out.ones) * of_zero
         trials = np.maximum(trained.trials, 1).astype(np.float64)

@@ -21,6 +21,7 @@ from jotlight.evaluation.error_scale import (
 )
 from jotlight.evaluation.known_errors import KnownErrors
 from jotlight.kept import kept_property
+from jotlight.sensing.binomial import squared_sine
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Estimate, PixelCounts
 from jotlight.sensing.reference import Jot, typical_jot
@@ -87,7 +88,7 @@ def intensity_of(
 ) -> Array:
     """Return the intensity in [0, S] of z: the inverse of :func:`stabilize`."""
     z = np.clip(z, 0, np.pi / 2)
-    p, complement = np.sin(z) ** 2, np.cos(z) ** 2
+    p, complement = squared_sine(z), np.cos(z) ** 2
     slope = efficiency * sensor.light_per_intensity
     intensity = intensity_at_probability(sensor.threshold, p, complement, slope, dark_counts)
     # The cosine of the number next to π/2 is not 0, but a saturated jot permits all bright light.

@@ -11,8 +11,8 @@ from jotlight.motion.film_image import FilmImage
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.film_planes import Counts, film_planes, usual_trials
 from jotlight.networks.network import Network
-from jotlight.networks.planes_layers import arcsin_root
 from jotlight.networks.pretrained import FILM_START, FOLDER, pretrained_film
+from jotlight.sensing.binomial import arcsin_root
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.reference import response_of

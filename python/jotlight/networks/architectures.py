@@ -13,6 +13,7 @@ from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
 from jotlight.networks.splines import Spline, fit_spline, identity_spline, relu_spline
 from jotlight.parameter_names import check_choice
+from jotlight.sensing.binomial import arcsin_root, squared_sine
 from jotlight.sensing.sensor import Sensor, require_trainable
 
 
@@ -189,9 +190,7 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
     sigmas = np.geomspace(_WIDEST_SIGMA, _NARROWEST_SIGMA, _SETS)
     smooth = np.stack([gaussian_filter(float(sigma), _CONDITIONAL_TAPS) for sigma in sigmas])
     one = np.ones((1, 1, 1, 1), np.float32)
-    coefficients, low, spacing = fit_spline(
-        lambda fraction: np.arcsin(np.sqrt(fraction.clip(0, 1))), 0.0, 1.0, _FIT_COEFFICIENTS
-    )
+    coefficients, low, spacing = fit_spline(arcsin_root, 0.0, 1.0, _FIT_COEFFICIENTS)
     probability = fit_probability()
     if name == TWO_LAYER:
         last = Layer(smooth, *probability, trainable="filters")
@@ -209,7 +208,7 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
 
 def fit_probability() -> Spline:
     """Return the spline of the last layer of K-conditioned networks: p = sin² z."""
-    return fit_spline(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _FIT_COEFFICIENTS)
+    return fit_spline(squared_sine, 0.0, np.pi / 2, _FIT_COEFFICIENTS)
 
 
 class Builder:

@@ -23,6 +23,7 @@ from jotlight.estimators.trial_levels import LocalTrials, local_trials
 from jotlight.networks.coarse_scales import jots_of_squares
 from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.trials_map import denoise_fractions
+from jotlight.sensing.binomial import arcsin_root
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import (
@@ -220,7 +221,7 @@ class Prior:
     def angle(self, light: Light) -> Light:
         """Return arcsin √p, whose noise is the same everywhere."""
         p = detection_probability(self.sensor.threshold, self.rate(light))
-        return np.asarray(np.arcsin(np.sqrt(p)))
+        return arcsin_root(p)
 
 
 def estimate_light(squares: Squares, prior: Prior, enlarged: Light) -> Light:

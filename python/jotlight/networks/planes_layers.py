@@ -24,17 +24,6 @@ CENTER = np.pi / 4
 """The middle of the range of z, which is subtracted from the estimate."""
 
 
-def arcsin_root(fraction: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
-    """Return z = arcsin √p, of the type of p.
-
-    Examples
-    --------
-    >>> arcsin_root(np.array([0.0, 0.5, 1.0])).round(3).tolist()
-    [0.0, 0.785, 1.571]
-    """
-    return np.asarray(np.arcsin(np.sqrt(np.clip(fraction, 0, 1))))
-
-
 def build_correction(
     name: str, planes: int, start: Sequence[int], rng: np.random.Generator
 ) -> list[Layer]:

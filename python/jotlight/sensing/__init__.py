@@ -25,6 +25,7 @@ In reading order:
 * ``periodic_rates`` with ``filter_hints``: a test for a mosaic that is not stated.
   ``contradictions``: sensors that contradict the one that the data carry;
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
+* ``binomial``: fractions of ones, and the limits of their probabilities;
 * ``operators`` with ``checked_maps``, ``likelihood``, and ``problem``: the spread of light, the
   objective of reconstruction, and its maximization. ``joint_likelihood`` is the objective for
   readings which differ, a sum of one ``joint_term`` for each group, from ``reading_samples``.
