@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.calibration.light import LocalLight
+from jotlight.sensing.binomial import clopper_pearson
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 
 MIN_RESPONSE = 0.2
@@ -60,15 +61,11 @@ def _dark_limits(dark: JotCounts, share: float) -> tuple[Rates, Rates]:
     >>> low.round(3).tolist(), high.round(3).tolist()  # 0.3 = -ln(0.05) / 10
     ([[0.0, 1.351]], [[0.3, inf]])
     """
-    from scipy.special import betaincinv
-
     unique, index = np.unique(dark.ones, return_inverse=True)
-    k, rest = unique.astype(np.float64), dark.frames - unique.astype(np.float64)
-    at_least = np.where(k > 0, betaincinv(np.maximum(k, 1), rest + 1, share), 0.0)
-    zeros_at_least = np.where(rest > 0, betaincinv(np.maximum(rest, 1), k + 1, share), 0.0)
-    limits = (
-        inverse_detection_probability(dark.threshold, at_least, 1 - at_least),
-        inverse_detection_probability(dark.threshold, 1 - zeros_at_least, zeros_at_least),
+    frames = np.asarray(float(dark.frames))
+    interval = clopper_pearson(unique.astype(np.float64), frames, share, jots_differ=False)
+    low, high = (
+        inverse_detection_probability(dark.threshold, p, rest)[index].reshape(dark.ones.shape)
+        for p, rest in interval
     )
-    low, high = (limit[index].reshape(dark.ones.shape) for limit in limits)
     return low, high

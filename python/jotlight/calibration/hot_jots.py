@@ -7,6 +7,7 @@ from jotlight.checks import as_counts, real_number, shown, whole_number
 from jotlight.interrupts import interruptible
 from jotlight.layout import image_channels
 from jotlight.progress import Progress, check_progress
+from jotlight.sensing.binomial import upper_limit
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.counting import check_mask
@@ -170,7 +171,7 @@ def _find(
     rate: float,
 ) -> npt.NDArray[np.bool_]:
     """Return the hot jots of one channel."""
-    from scipy.special import bdtrc, betaincinv
+    from scipy.special import bdtrc
 
     padded = np.pad(np.where(valid, counts, -1), 1, constant_values=-1)
     neighbors = _neighbors(padded, 1)
@@ -188,8 +189,8 @@ def _find(
     factor = factor[brighter]
     ones, total, readings = counts[candidates], total[candidates], readings[candidates]
     saturated = total >= readings
-    limit = betaincinv(total + 1, np.where(saturated, 1, readings - total), 1 - rate / 2)
-    highest = inverse_detection_probability(threshold, limit, 1 - limit)
+    limit, complement = upper_limit(total, readings - total, rate / 2)
+    highest = inverse_detection_probability(threshold, limit, complement)
     explained = np.asarray(detection_probability(threshold, factor * highest))
     tail = bdtrc(ones - 1.0, trials, np.where(saturated, 1.0, explained))
     hot = np.zeros(counts.shape, bool)

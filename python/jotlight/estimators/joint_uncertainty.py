@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import maximize, regular_maximum, solve_expected_total
 from jotlight.estimators.pixel_kinds import PixelKind, find_kinds
-from jotlight.estimators.uncertainty import Uncertainty, clopper_pearson
+from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.sensing.binomial import clopper_pearson
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.response import Array

@@ -17,9 +17,9 @@ from jotlight.estimators.light_inversion import (
     jot_maps,
 )
 from jotlight.estimators.mle import mle, require_bits
-from jotlight.interrupts import interruptible
 from jotlight.layout import Layout, join
 from jotlight.notebook import card, normalize
+from jotlight.sensing.binomial import clopper_pearson
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import (
     Estimate,
@@ -231,46 +231,6 @@ def _uncertainty(
         unlikely=np.zeros_like(dead),
         confidence_level=confidence_level,
     )
-
-
-def clopper_pearson(
-    ones: npt.NDArray[Any], bits: npt.NDArray[Any], tail: float, *, jots_differ: bool
-) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return the ends of the interval for p, each with its complement 1 - p.
-
-    Parameters
-    ----------
-    ones, bits : ndarray, any shape
-        Numbers of ones and of bits.
-    tail : float
-        The largest probability that p is beyond an end.
-    jots_differ : bool
-        Whether p is the mean of the different probabilities of the bits.
-
-    Examples
-    --------
-    >>> ones, bits = np.array([1]), np.array([2])
-    >>> (low, _), (high, _) = clopper_pearson(ones, bits, 0.025, jots_differ=False)
-    >>> low.round(4), high.round(4)
-    (array([0.0126]), array([0.9874]))
-    """
-    from scipy.special import betainccinv, betaincinv
-
-    zeros = bits - ones
-    inverse, complement = interruptible(betaincinv), interruptible(betainccinv)
-    with np.errstate(all="ignore"):
-        low = np.where(ones > 0, inverse(np.maximum(ones, 1), zeros + 1, tail), 0.0)
-        above_low = np.where(ones > 0, complement(zeros + 1, np.maximum(ones, 1), tail), 1.0)
-        above_high = np.where(zeros > 0, inverse(np.maximum(zeros, 1), ones + 1, tail), 0.0)
-        high = np.where(zeros > 0, complement(ones + 1, np.maximum(zeros, 1), tail), 1.0)
-    if jots_differ:
-        # For a single 1 (or 0) among unequal bits the binomial tail does not bound the true tail.
-        # The sum of the probabilities does.
-        share = tail / np.maximum(bits, 1)
-        one, zero = ones == 1, zeros == 1
-        low, above_low = np.where(one, share, low), np.where(one, 1 - share, above_low)
-        above_high, high = np.where(zero, share, above_high), np.where(zero, 1 - share, high)
-    return (low, above_low), (high, above_high)
 
 
 def _regular_light(
