@@ -10,6 +10,7 @@ from jotlight.networks.coarse_scales import (
     add_coarse,
     counts_of_squares,
     has_few_photons,
+    jots_of_squares,
     log_information,
     sensor_of_squares,
 )
@@ -103,6 +104,12 @@ def test_counts_of_squares_are_those_of_a_loop(shape, threshold):
             if threshold == 1:
                 mean = -np.log((weights * np.exp(-dark[square])).sum())
             assert merged.dark_counts[y, x] == pytest.approx(mean)
+
+
+def test_squares_of_many_dark_counts_have_finite_ones():
+    dark = np.full((2, 2), 1000.0)
+    _, found = jots_of_squares(jl.Sensor(), np.ones((2, 2)), 1.0, dark)
+    assert 700 < found[0, 0] < 1000
 
 
 def test_pixels_alike_have_squares_alike():

@@ -15,6 +15,7 @@ is at least the smaller one of p and p'. Squares may gain from squares of square
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.sensing.maps import dark_counts_of_mean
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reading_information, reference_jot, response_of
@@ -147,7 +148,7 @@ def jots_of_squares(
         efficiency = mean(efficiency)
     if isinstance(dark_counts, np.ndarray):
         is_first = sensor.threshold == 1
-        dark_counts = -np.log(mean(np.exp(-dark_counts))) if is_first else mean(dark_counts)
+        dark_counts = dark_counts_of_mean(dark_counts, mean) if is_first else mean(dark_counts)
     return efficiency, dark_counts
 
 

@@ -1,5 +1,6 @@
 """Checks of the sensor parameters that may be maps over the jots."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -202,8 +203,32 @@ def mean_dark_counts(
     mean, differs = pixel_means(value, mask, oversampling)
     if threshold != 1 or not differs:
         return mean, differs
-    zeros = pixel_means(np.exp(-np.asarray(value, np.float64)), mask, oversampling)[0]
-    return -np.log(np.maximum(zeros, np.finfo(np.float64).tiny)), differs
+
+    def average(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return np.asarray(pixel_means(values, mask, oversampling)[0])
+
+    return dark_counts_of_mean(np.asarray(value, np.float64), average), differs
+
+
+def dark_counts_of_mean(
+    dark_counts: npt.NDArray[np.float64],
+    mean: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]],
+) -> npt.NDArray[np.float64]:
+    """Return the dark counts of a jot of threshold 1 with as many ones as the mean of other jots.
+
+    Parameters
+    ----------
+    dark_counts : ndarray
+        Those of the jots.
+    mean : callable
+        A function that returns the means of a map of the jots.
+
+    Examples
+    --------
+    >>> dark_counts_of_mean(np.array([0.0, 2.0]), lambda jots: jots.mean(keepdims=True)).round(4)
+    array([0.5662])
+    """
+    return np.asarray(-np.log(np.maximum(mean(np.exp(-dark_counts)), np.finfo(np.float64).tiny)))
 
 
 def stack_maps(values: list[Any], size: tuple[int, ...]) -> Any:
