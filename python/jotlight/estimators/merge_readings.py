@@ -91,7 +91,7 @@ def merge_readings(
     if layout.channel_axis is None:
         return each[0] if layout.is_single else each
     number = layout.shape[-1]
-    colors = [_join_channels(each[i : i + number]) for i in range(0, len(each), number)]
+    colors = [join_channels(each[i : i + number]) for i in range(0, len(each), number)]
     return colors[0] if len(layout.shape) == 1 else colors
 
 
@@ -278,7 +278,7 @@ def round_ones(
     return whole.astype(np.int32), np.maximum(scaled, whole)
 
 
-def _join_channels(channels: list[Merged]) -> Merged:
+def join_channels(channels: list[Merged]) -> Merged:
     """Return the merged counts of the channels of one image as those of a color image."""
     first = channels[0]
     trials = [np.broadcast_to(np.asarray(each.trials), each.shape) for each in channels]

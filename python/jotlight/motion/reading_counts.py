@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.merge_readings import linear_counts
+from jotlight.estimators.merge_readings import join_channels, linear_counts
 from jotlight.estimators.neighbors import average_fractions, toward_own
 from jotlight.estimators.reference_sensors import (
     light_share,
@@ -231,14 +231,7 @@ class ReadingCounts:
             Number of threads. Default: all.
         """
         channels = [self._correct(each, threads) for each in merged.channels()]
-        if merged.ones.ndim == 2:
-            return channels[0]
-        return dataclasses.replace(
-            channels[0],
-            ones=np.stack([each.ones for each in channels], axis=-1),
-            trials=np.stack([np.asarray(each.trials) for each in channels], axis=-1),
-            channel_axis=-1,
-        )
+        return channels[0] if merged.ones.ndim == 2 else join_channels(channels)
 
     def _correct(self, merged: Merged, threads: int | None) -> Merged:
         gray = without_mosaic(self.stated)
