@@ -5,8 +5,8 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation.choice import OWN_NETWORK, choose_method, requested_method
 from jotlight.evaluation.methods import (
+    BLEND_METHOD,
     DEFAULT_METHOD,
-    LARGE_METHOD,
     METHODS,
     OPTION_DEFAULTS,
 )
@@ -31,7 +31,7 @@ def test_the_default_is_the_pretrained_network(sensor):
 
 
 def test_many_trials_get_the_blend_on_held_out_bits():
-    assert choose_method(MANY).method == LARGE_METHOD
+    assert choose_method(MANY).method == BLEND_METHOD
 
 
 @pytest.mark.parametrize("name", METHODS)

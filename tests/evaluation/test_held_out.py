@@ -7,7 +7,7 @@ import jotlight as jl
 from jotlight.evaluation import held_out as held_out_module
 from jotlight.evaluation.choice import choose_method
 from jotlight.evaluation.held_out import held_out
-from jotlight.evaluation.methods import LARGE_METHOD, LARGE_TRIALS, METHODS
+from jotlight.evaluation.methods import BLEND_METHOD, MAX_NETWORK_TRIALS, METHODS
 
 PHOTOGRAPH = jl.datasets.photograph("camera", gray=True)[100:292, 150:342]
 PARTS = "network-medium", "admm-tv", "mle"
@@ -52,9 +52,9 @@ def test_jots_that_differ_inside_a_pixel_are_served():
 
 
 def test_it_is_the_default_for_many_trials():
-    assert choose_method(jl.Sensor(frames=LARGE_TRIALS)).method == "network-medium"
-    assert choose_method(jl.Sensor(frames=LARGE_TRIALS + 1)).method == LARGE_METHOD
-    assert not METHODS[LARGE_METHOD].is_distinct(jl.Sensor(frames=16))
+    assert choose_method(jl.Sensor(frames=MAX_NETWORK_TRIALS)).method == "network-medium"
+    assert choose_method(jl.Sensor(frames=MAX_NETWORK_TRIALS + 1)).method == BLEND_METHOD
+    assert not METHODS[BLEND_METHOD].is_distinct(jl.Sensor(frames=16))
 
 
 def test_a_smooth_kernel_is_refused():

@@ -14,9 +14,9 @@ from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.choice import network_name, requested_method
 from jotlight.evaluation.color_data import check_demosaicing
 from jotlight.evaluation.methods import (
+    BLEND_METHOD,
     DEFAULT_METHOD,
-    LARGE_METHOD,
-    LARGE_TRIALS,
+    MAX_NETWORK_TRIALS,
 )
 
 
@@ -30,7 +30,7 @@ class MethodOptions:
         Parameter(
             alias="-m",
             help=f"One of {NAMES}. Default: {DEFAULT_METHOD}, the color network for a mosaic and "
-            f"for three channels, or {LARGE_METHOD} above {LARGE_TRIALS} trials per pixel.",
+            f"for three channels, or {BLEND_METHOD} above {MAX_NETWORK_TRIALS} trials per pixel.",
         ),
     ] = None
     quality: Quality = None

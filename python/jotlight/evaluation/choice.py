@@ -9,9 +9,9 @@ from jotlight.estimators.typical_trials import typical_trials
 from jotlight.evaluation.color_data import takes_sensor
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.methods import (
+    BLEND_METHOD,
     DEFAULT_METHOD,
-    LARGE_METHOD,
-    LARGE_TRIALS,
+    MAX_NETWORK_TRIALS,
     METHODS,
     OPTION_DEFAULTS,
     check_options,
@@ -142,8 +142,8 @@ def choose_method(
         Sensor of the data.
     requested : str, optional
         Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
-        `DEFAULT_METHOD`, or `LARGE_METHOD` if K is above `LARGE_TRIALS` and the kernel is the box,
-        or else `COLOR_NETWORK` for colors.
+        `DEFAULT_METHOD`, or `BLEND_METHOD` if K is above `MAX_NETWORK_TRIALS` and the kernel is the
+        box, or else `COLOR_NETWORK` for colors.
     network : Network or ColorNetwork, optional
         Network of the caller. It replaces the request.
     is_range_known : bool
@@ -172,7 +172,7 @@ def choose_method(
     else:
         trials = trials_of(sensor) if trials is None else trials
         default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
-        method = requested or (LARGE_METHOD if takes_blend(sensor, trials) else default)
+        method = requested or (BLEND_METHOD if takes_blend(sensor, trials) else default)
         if requested is None:
             each = f"{trials:,.0f} {plural(round(trials), 'trial')} per pixel"
             recommended_for = "colors" if method == COLOR_NETWORK else each
@@ -216,7 +216,7 @@ def trials_of(sensor: Sensor) -> float:
 
 def takes_blend(sensor: Sensor, trials: float) -> bool:
     """Return whether the blend on held-out bits is recommended for a number of trials per pixel."""
-    return trials > LARGE_TRIALS and sensor.kernel == "box"
+    return trials > MAX_NETWORK_TRIALS and sensor.kernel == "box"
 
 
 def check_fallback(
@@ -244,7 +244,7 @@ def check_fallback(
     """
     if (reason := smooth_kernel_reason(sensor)) is not None:
         raise ValueError(f"sensor: {reason}")
-    if network is None and quality is None and method != LARGE_METHOD:
+    if network is None and quality is None and method != BLEND_METHOD:
         raise ValueError(f"fallback: is for networks, but the method is {method}")
     if network is not None and network.trials_range is None:
         raise ValueError(

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, TITLES
 from jotlight.estimators.typical_trials import typical_trials
-from jotlight.evaluation.methods import LARGE_TRIALS
+from jotlight.evaluation.methods import MAX_NETWORK_TRIALS
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.merged import Merged, is_finer
 from jotlight.sensing.pixel_counts import GrayImages
@@ -26,8 +26,8 @@ _MIN_KNOWN = 0.9
 _TAKEN = (
     "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
     "data are bits or counts with the same trials in all pixels, up to "
-    f'{LARGE_TRIALS:,}, or readings with as much information; demosaicing="differences" takes all '
-    "data"
+    f"{MAX_NETWORK_TRIALS:,}, or readings with as much information; "
+    'demosaicing="differences" takes all data'
 )
 """What the color network takes, for messages."""
 
@@ -42,8 +42,8 @@ def takes_sensor(sensor: Sensor) -> bool:
     >>> takes_sensor(Sensor(frames=16, mosaic="RGGB")), takes_sensor(Sensor(frames=2000))
     (True, False)
     """
-    is_large = sensor.trials > LARGE_TRIALS
-    return sensor.kernel == "box" and not is_large and typical_trials(sensor) <= LARGE_TRIALS
+    is_large = sensor.trials > MAX_NETWORK_TRIALS
+    return sensor.kernel == "box" and not is_large and typical_trials(sensor) <= MAX_NETWORK_TRIALS
 
 
 def takes_mosaic(data: object, trials: npt.ArrayLike | None = None) -> bool:
@@ -59,7 +59,9 @@ def takes_mosaic(data: object, trials: npt.ArrayLike | None = None) -> bool:
     False
     """
     each = data if isinstance(data, list | tuple) else [data]
-    are_unusual = trials is not None and (np.ndim(trials) > 0 or np.max(trials) > LARGE_TRIALS)
+    are_unusual = trials is not None and (
+        np.ndim(trials) > 0 or np.max(trials) > MAX_NETWORK_TRIALS
+    )
     return not are_unusual and not any(isinstance(one, Merged) for one in each)
 
 
@@ -88,7 +90,7 @@ def takes_channels(images: GrayImages) -> bool:
             return False
         known = [np.broadcast_to(one.trials, one.shape) > 0 for one in each]
         most = max(float(np.max(one.trials)) for one in each)
-        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN or most > LARGE_TRIALS:
+        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN or most > MAX_NETWORK_TRIALS:
             return False
     return True
 
@@ -110,7 +112,8 @@ def check_taken(sensor: Sensor, *, has_form: bool) -> None:
         raise ValueError(
             "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
             "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel, "
-            f"up to {LARGE_TRIALS:,} per pixel or readings with as much information; got other data"
+            f"up to {MAX_NETWORK_TRIALS:,} per pixel or readings with as much information; got "
+            "other data"
         )
 
 

@@ -27,7 +27,7 @@ from jotlight.evaluation.interval_pixels import Pixels, intensity_of, stabilize
 from jotlight.evaluation.intervals import MIN_TRIALS
 from jotlight.evaluation.known_errors import KnownErrors
 from jotlight.evaluation.known_estimate import read_estimate
-from jotlight.evaluation.methods import LARGE_TRIALS
+from jotlight.evaluation.methods import MAX_NETWORK_TRIALS
 from jotlight.evaluation.mosaics import count_image
 from jotlight.kept import kept_property
 from jotlight.layout import Layout
@@ -269,9 +269,9 @@ def check_color_errors_known(trials: float | np.floating) -> None:
     --------
     >>> check_color_errors_known(1000)
     """
-    if trials > LARGE_TRIALS:
+    if trials > MAX_NETWORK_TRIALS:
         raise ValueError(
-            f"data: expected up to {LARGE_TRIALS:,} trials per pixel, because the errors of "
+            f"data: expected up to {MAX_NETWORK_TRIALS:,} trials per pixel, because the errors of "
             f"colors are not known for more, got {trials:,.0f}; take fewer frames"
         )
 

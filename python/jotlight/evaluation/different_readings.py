@@ -14,7 +14,7 @@ from jotlight.estimators.merge_readings import merge_joint
 from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.interval_pixels import find_unbounded
-from jotlight.evaluation.methods import LARGE_METHOD, find_method
+from jotlight.evaluation.methods import BLEND_METHOD, find_method
 from jotlight.layout import join
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
@@ -150,7 +150,7 @@ def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
 
 def _is_network(method: object) -> bool:
     """Return whether a method is a network or the name of one, or the recommended method."""
-    if isinstance(method, str) and method != LARGE_METHOD:
+    if isinstance(method, str) and method != BLEND_METHOD:
         return find_method(method).quality is not None
     return method is None or isinstance(method, Network)
 

@@ -154,7 +154,7 @@ METHODS: dict[str, Method] = {
         "best blend on held-out bits",
         held_out,
         unsupported_reason=smooth_kernel_reason,
-        is_distinct=lambda sensor: sensor.trials > LARGE_TRIALS,
+        is_distinct=lambda sensor: sensor.trials > MAX_NETWORK_TRIALS,
     ),
 }
 """All methods, in the order in which tables list them."""
@@ -162,10 +162,10 @@ METHODS: dict[str, Method] = {
 DEFAULT_METHOD = f"network-{DEFAULT_SIZE}"
 """Method for every sensor, unless another one is requested."""
 
-LARGE_METHOD = "held-out"
-"""Method instead of the default if K is above :data:`LARGE_TRIALS`, with the box kernel."""
+BLEND_METHOD = "held-out"
+"""Method instead of the default if K is above :data:`MAX_NETWORK_TRIALS`, with the box kernel."""
 
-LARGE_TRIALS = 1000
+MAX_NETWORK_TRIALS = 1000
 """Largest K up to which the default needs no comparison with methods that trust the data more."""
 
 OPTION_DEFAULTS = {

@@ -42,8 +42,8 @@ from jotlight.evaluation.different_readings import takes_readings, with_one_resp
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import (
+    BLEND_METHOD,
     DEFAULT_METHOD,
-    LARGE_METHOD,
     METHODS,
 )
 from jotlight.evaluation.mosaics import EstimatePlanes, reconstruct_mosaic
@@ -304,7 +304,7 @@ def _by_method(
     are_equivalent, trials = not takes_readings(requested, sensor), trials_of(sensor)
     if are_equivalent:
         is_blend = requested is None and takes_blend(sensor, trials)
-        by = network or (LARGE_METHOD if is_blend else requested)
+        by = network or (BLEND_METHOD if is_blend else requested)
         images, sensor = with_one_response(images, sensor, by, threads, keeps_maximum=True)
     is_color = not request.fallback and takes_channels(images)
     choice = choose_method(
@@ -312,9 +312,9 @@ def _by_method(
     )
     choice.check_precision(precision, fallback=request.fallback)
     history, shares = None, None
-    if request.fallback or choice.method == LARGE_METHOD:
+    if request.fallback or choice.method == BLEND_METHOD:
         check_fallback(sensor, choice.method, choice.quality, network)
-        quality = DEFAULT_SIZE if choice.method == LARGE_METHOD else choice.quality
+        quality = DEFAULT_SIZE if choice.method == BLEND_METHOD else choice.quality
         network = network or pretrained_conditional(sensor, str(quality))
         output = output_of(images, sensor, out)
         blends, shares = blend(images, sensor, network, threads)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from jotlight.evaluation.choice import COLOR_NETWORK, FILM_NETWORK
-from jotlight.evaluation.methods import LARGE_METHOD
+from jotlight.evaluation.methods import BLEND_METHOD
 from jotlight.formats.checksums import file_checksum
 from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.pretrained import (
@@ -62,7 +62,7 @@ def weights_sha256(
     >>> weights_sha256(sensor, "mle", None) is None
     True
     """
-    size = DEFAULT_SIZE if method == LARGE_METHOD else quality
+    size = DEFAULT_SIZE if method == BLEND_METHOD else quality
     if method == COLOR_NETWORK:
         own = CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE
         files = {own, pretrained_file(sensor, COLOR_START, is_conditional=True)}

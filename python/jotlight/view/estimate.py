@@ -11,7 +11,7 @@ from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.clipping import clipping_of, with_clipping_of
-from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
+from jotlight.evaluation.methods import MAX_NETWORK_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
@@ -88,9 +88,9 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
     choice = recommend(viewed, number)
     if choice.method != COLOR_NETWORK:
         raise ValueError(
-            f"method: the color network takes three colors with up to {LARGE_TRIALS:,} trials per "
-            f"pixel, got {sensor.trials:,} trials and images of shape {viewed.shape}; choose a "
-            "shorter window, or another method"
+            f"method: the color network takes three colors with up to {MAX_NETWORK_TRIALS:,} "
+            f"trials per pixel, got {sensor.trials:,} trials and images of shape {viewed.shape}; "
+            "choose a shorter window, or another method"
         )
     return choice
 

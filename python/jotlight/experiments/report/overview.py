@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.evaluation.methods import LARGE_TRIALS
+from jotlight.evaluation.methods import MAX_NETWORK_TRIALS
 from jotlight.experiments.experiment import Results
 from jotlight.experiments.method_titles import ALGEBRAIC, method_title
 from jotlight.experiments.report.changes import row_title
@@ -53,8 +53,8 @@ def overview_section(results: Mapping[str, Results], date: str) -> Section | Non
         "(time per image, below). Up is better, left is faster. The list names every method that "
         "serves this sensor and differs from the others: for the box kernel, iterative maximum "
         "likelihood equals maximum likelihood, and the best blend on held-out bits is for more "
-        f"than {LARGE_TRIALS:,} trials per pixel. A dash instead of a time means that the run that "
-        "measured the times did not include the method. Rows *changed since* are of methods that "
+        f"than {MAX_NETWORK_TRIALS:,} trials per pixel. A dash instead of a time means that the "
+        "run that measured the times did not include the method. Rows *changed since* are of methods that "
         "changed after the measurement, as the top of the page states. [Their present quality]"
         "(networks.md#quality) is on another page.",
         tables=[Table("Quality and time", columns, rows)],
