@@ -12,6 +12,7 @@
 - `jot_mosaics`: the mosaic of jots, and that of pixels.
 - `jot_counts`: the counts of a capture, and their detections per frame.
 - `result`: the `Calibration`; `fields` are its data, and `files` checks the contents of its files.
+- `stated_sensor`: the sensor of a file, changed by a calibration and by options.
 - `figure`: a page of plots.
 """
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from jotlight.calibration import Calibration
+from jotlight.calibration.stated_sensor import stated_sensor
 from jotlight.checks import Counts
 from jotlight.chunks import windows
 from jotlight.cli.console import progress
@@ -107,37 +108,25 @@ def add_sensor(
         Calibration of the sensor.
     """
     if isinstance(capture, Bits):
-        return _add_sensor_to_bits(capture, sensor_kwargs, calibration)
+        own = carried_sensor(capture)
+        sensor = stated_sensor(
+            own,
+            calibration,
+            sensor_kwargs,
+            frames=len(capture),
+            jots=capture.shape[1:3],
+            provenance=capture.provenance,
+        )
+        return Captured(capture, sensor, own is not None, capture.provenance)
     if capture.sensor is not None or sensor_kwargs.get("bit_depth", 1) > 1:
         return _add_sensor_to_readings(capture, sensor_kwargs, calibration)
     sensor_kwargs = _with_stated_frames(capture, path, sensor_kwargs)
-    if calibration is None:
-        sensor = Sensor(**sensor_kwargs)
-    else:
-        side = sensor_kwargs.get("oversampling", 1)
-        jots = tuple(side * size for size in capture.images.shape[1:3])
-        calibration.check_capture(jots, capture.provenance)
-        sensor = calibration.sensor(**sensor_kwargs)
+    side = sensor_kwargs.get("oversampling", 1)
+    jots = tuple(side * size for size in capture.images.shape[1:3])
+    sensor = stated_sensor(
+        None, calibration, sensor_kwargs, frames=1, jots=jots, provenance=capture.provenance
+    )
     return Captured(capture.with_trials_of(sensor), sensor, False, capture.provenance)
-
-
-def _add_sensor_to_bits(
-    bits: Bits, sensor_kwargs: dict[str, Any], calibration: Calibration | None
-) -> Captured:
-    if calibration is not None:
-        calibration.check_capture(bits.shape[1:3], bits.provenance)
-    stated = carried_sensor(bits)
-    if stated is None:
-        sensor_kwargs = {"frames": len(bits), **sensor_kwargs}
-        if calibration is not None:
-            sensor = calibration.sensor(**sensor_kwargs)
-        else:
-            sensor = Sensor(**sensor_kwargs)
-    elif calibration is not None:
-        sensor = calibration.applied_to(stated, **sensor_kwargs)
-    else:
-        sensor = stated.replace(**sensor_kwargs)
-    return Captured(bits, sensor, stated is not None, bits.provenance)
 
 
 def _add_sensor_to_readings(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from jotlight.calibration import Calibration
+from jotlight.calibration.stated_sensor import stated_sensor
 from jotlight.formats.capture import assumed_sensor_note
 from jotlight.formats.format import FrameLayout
 from jotlight.formats.locations import STANDARD_INPUT
@@ -131,7 +132,7 @@ def open_live(
     else:
         ring, work, name, stated = _open_stream(path, options, stop)
     jots = ring.layout.shape[0], ring.layout.width
-    sensor = _combine(stated, calibration, jots, sensor_kwargs)
+    sensor = stated_sensor(stated, calibration, sensor_kwargs, frames=1, jots=jots, provenance=None)
     sensor.check_map_shapes(*jots)
     is_range_known = is_range_known or stated is not None
     note = assumed_sensor_note(sensor) if stated is None else ""
@@ -143,21 +144,6 @@ def open_live(
     live.stop = stop
     live.start(work)
     return _wait_for_frame(live)
-
-
-def _combine(
-    stated: Sensor | None,
-    calibration: Calibration | None,
-    jots: tuple[int, int],
-    sensor_kwargs: dict[str, Any],
-) -> Sensor:
-    """Return the sensor that files state, changed first by the calibration and then by options."""
-    if calibration is None:
-        return Sensor(**sensor_kwargs) if stated is None else stated.replace(**sensor_kwargs)
-    calibration.check_capture(jots, None)
-    if stated is None:
-        return calibration.sensor(**sensor_kwargs)
-    return calibration.applied_to(stated, **sensor_kwargs)
 
 
 def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Opened:
