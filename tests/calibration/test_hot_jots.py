@@ -1,5 +1,7 @@
 """Hot jots of a scene: exact probabilities, photographs, stars, and bad input."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.special import gammainc, gammaincinv
@@ -7,7 +9,7 @@ from scipy.stats import beta, binom
 
 import jotlight as jl
 from jotlight.calibration import find_hot_jots
-from jotlight.calibration.hot_jots import fewest_trials
+from jotlight.calibration.hot_jots import fewest_trials, hot_jots_of, hot_jots_unknown_reason
 from jotlight.datasets import photograph
 
 
@@ -165,3 +167,36 @@ def test_bits_use_the_threshold_and_the_mask_of_their_sensor():
 def test_where_all_jots_are_saturated_no_number_of_trials_suffices():
     assert fewest_trials(np.full((9, 9), 10**6), 10**6) > 10**7
     assert fewest_trials(np.zeros((9, 9), int), 100) == 1
+
+
+BITS = jl.Bits.from_array(np.zeros((4, 8, 8), bool))
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "reason"),
+    [
+        (BITS, {"threshold": [1, 2, 1, 2]}, "expected one threshold, .* got several; .*--mask"),
+        (BITS, {"mosaic": "RGGB"}, "expected a gray sensor, .* different filters .*'RGGB'"),
+        (None, {"bit_depth": 4, "oversampling": 2}, "expected single bits, .* of 4 bits; .*--mask"),
+        (None, {"oversampling": 2}, "expected bits, .* counts of pixels of 2 x 2 jots"),
+    ],
+)
+def test_why_hot_jots_cannot_be_searched(data, options, reason):
+    assert re.match(reason, hot_jots_unknown_reason(data, jl.Sensor(frames=4, **options)))
+
+
+@pytest.mark.parametrize(("data", "side"), [(BITS, 2), (BITS, 1), (None, 1)])
+def test_hot_jots_can_be_searched_in_bits_and_in_counts_of_jots(data, side):
+    assert hot_jots_unknown_reason(data, jl.Sensor(frames=4, oversampling=side)) is None
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_the_hot_jots_of_a_sensor_have_its_threshold_and_its_dead_jots(channels):
+    counts = np.full((32, 32, *channels), 400)
+    counts[5, 7] = counts[20, 20] = 1500
+    mask = np.zeros((32, 32), bool)
+    mask[20, 20] = True
+    found = hot_jots_of(counts, 2000, jl.Sensor(frames=2000, mask=mask))
+    assert np.argwhere(found).tolist() == [[5, 7]]
+    # With a threshold of 20, the light of the jot is only 1.4 times that of its neighbors.
+    assert not hot_jots_of(counts, 2000, jl.Sensor(frames=2000, threshold=20)).any()

@@ -87,7 +87,7 @@ def test_saturated_readings_are_all_the_largest_one():
     assert np.argwhere(find_saturated(shown)).tolist() == [[1, 2]]
     found, note = JotMap(viewed).find()
     assert (found == np.where(mask, DEAD, 0)).all()
-    assert "hot jots are not searched, because they are known for single bits" in note
+    assert "hot jots are not searched: expected single bits, got readings of 4 bits;" in note
 
 
 def test_methods_that_do_not_take_the_readings_state_why():

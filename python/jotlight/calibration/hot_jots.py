@@ -141,6 +141,68 @@ def find_hot_jots(
     return hot
 
 
+def hot_jots_unknown_reason(data: object, sensor: Sensor) -> str | None:
+    """Return why hot jots cannot be searched in data of a sensor, or None if they can.
+
+    Parameters
+    ----------
+    data : Bits, or other data
+        The capture. All data but bits are counts of the sensor's pixels, or readings of them.
+    sensor : Sensor
+        The sensor.
+
+    Examples
+    --------
+    >>> hot_jots_unknown_reason(None, Sensor(frames=4)) is None
+    True
+    >>> hot_jots_unknown_reason(None, Sensor(bit_depth=4)).partition(";")[0]
+    'expected single bits, got readings of 4 bits'
+    """
+    mask = "pass the known hot jots with mask= (--mask)"
+    if np.ndim(sensor.threshold):
+        return (
+            "expected one threshold, because the ones of jots with different thresholds cannot be "
+            f"compared, got several; {mask}"
+        )
+    if sensor.mosaic is not None:
+        return (
+            "expected a gray sensor, because jots with different filters cannot be compared, got "
+            f"the mosaic {sensor.mosaic!r}; `jotlight calibrate` with a dark capture finds hot jots"
+        )
+    if sensor.bit_depth > 1:
+        return f"expected single bits, got readings of {sensor.bit_depth} bits; {mask}"
+    side = sensor.oversampling
+    if side > 1 and not isinstance(data, Bits):
+        return (
+            "expected bits, or counts of single jots, but these are counts of pixels of "
+            f"{side} x {side} jots"
+        )
+    return None
+
+
+def hot_jots_of(
+    counts: npt.NDArray[np.integer], trials: int, sensor: Sensor
+) -> npt.NDArray[np.bool_]:
+    """Return the hot jots of a sensor (H, W), which see counts (H, W) or (H, W, C) of its jots.
+
+    :func:`hot_jots_unknown_reason` has to be None.
+
+    Examples
+    --------
+    >>> counts = np.full((32, 32), 40)
+    >>> counts[5, 7] = 1000
+    >>> np.argwhere(hot_jots_of(counts, 2000, Sensor(frames=2000))).tolist()
+    [[5, 7]]
+    """
+    return find_hot_jots(
+        counts,
+        trials=trials,
+        threshold=sensor.threshold,
+        mask=sensor.mask,
+        channel_axis=last_channel_axis(counts),
+    )
+
+
 def fewest_trials(counts: npt.ArrayLike, trials: int, *, threshold: int = 1) -> int:
     """Return the number of trials from which :func:`find_hot_jots` can find hot jots.
 

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.hot_jots import hot_jots_unknown_reason
 from jotlight.cli.console import progress
 from jotlight.cli.jot_checks import jot_remarks
 from jotlight.formats.capture import Capture, CountStack
@@ -46,7 +47,9 @@ def bits_facts(bits: Bits) -> list[tuple[str, str]]:
         ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
         ("ones", f"{live.sum(dtype=np.int64) / max(live.size * frames, 1):.3%}{_of_live(mask)}"),
     ]
-    jots = jot_remarks(counts, frames, sensor or Sensor(frames=frames))
+    assumed = sensor or Sensor(frames=frames)
+    is_unknown = hot_jots_unknown_reason(bits, assumed) is not None
+    jots = [] if is_unknown else jot_remarks(counts, frames, assumed)
     if sensor is None:
         return [*facts, ("sensor", "not stated"), *jots]
     pixels = f"{height // sensor.oversampling} x {width // sensor.oversampling}"

@@ -3,18 +3,20 @@
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
-from jotlight.calibration import find_hot_jots, find_periodic_rates
+from jotlight.calibration import find_periodic_rates
 from jotlight.calibration.agreement import describe_conflict
-from jotlight.calibration.hot_jots import fewest_trials
+from jotlight.calibration.hot_jots import (
+    fewest_trials,
+    hot_jots_of,
+    hot_jots_unknown_reason,
+)
 from jotlight.calibration.jot_counts import JotCounts
 from jotlight.checks import Counts
 from jotlight.cli.captured import Captured
 from jotlight.cli.console import caution, progress
 from jotlight.errors import PeriodicRatesWarning, counted, warn
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 
 PERIODIC_RATES = "periodic rates"
@@ -27,6 +29,8 @@ _MAX_BYTES = 1 << 26
 def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, str]]:
     """Return remarks about the counts of single jots, each with a label.
 
+    Hot jots can be searched: :func:`hot_jots_unknown_reason` is None.
+
     Parameters
     ----------
     counts : ndarray of int32, shape (H, W) or (H, W, C)
@@ -36,14 +40,12 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
     sensor : Sensor
         The sensor, whose dead jots are not compared.
     """
-    if np.ndim(sensor.threshold) or sensor.mosaic is not None:
-        return []  # the ones of jots with different thresholds or filters cannot be compared
     conflict = _dark_count_remarks(counts, trials, sensor)
     periodic = None if counts.ndim > 2 else find_periodic_rates(counts)
     if periodic is not None:
         # Under color filters, jots differ from their neighbors without being hot.
         return [*conflict, (PERIODIC_RATES, periodic.describe())]
-    hot = _find_hot_jots(counts, trials, sensor)
+    hot = hot_jots_of(counts, trials, sensor)
     if not hot.any():
         return conflict
     remark = (
@@ -59,17 +61,16 @@ def caution_about_jots(captured: Captured, threads: int | None) -> None:
 
     A capture in which hot jots were searched has no remarks: that search refuses periodic rates.
     """
-    if captured.hot_jots is not None:
+    sensor = captured.sensor
+    if captured.hot_jots is not None or hot_jots_unknown_reason(captured.data, sensor):
         return
-    found = _count_jots(captured, threads, _MAX_BYTES)
-    if found is not None:
-        for label, remark in jot_remarks(*found, captured.sensor):
-            if label == PERIODIC_RATES and captured.states_mosaic:
-                continue  # the library says that the mosaic is left out
-            if label == PERIODIC_RATES:
-                warn(remark, PeriodicRatesWarning)  # the library has issued it, too, in most cases
-            else:
-                caution(label, remark)
+    for label, remark in jot_remarks(*_count_jots(captured, threads, _MAX_BYTES), sensor):
+        if label == PERIODIC_RATES and captured.states_mosaic:
+            continue  # the library says that the mosaic is left out
+        if label == PERIODIC_RATES:
+            warn(remark, PeriodicRatesWarning)  # the library has issued it, too, in most cases
+        else:
+            caution(label, remark)
 
 
 def mask_hot_jots(captured: Captured, threads: int | None) -> Captured:
@@ -80,30 +81,11 @@ def mask_hot_jots(captured: Captured, threads: int | None) -> Captured:
     ValueError
         When pixels are counted, rather than jots, or the rates are periodic.
     """
-    if np.ndim(captured.sensor.threshold):
-        raise ValueError(
-            "find-hot-jots: expected one threshold, because the ones of jots with different "
-            "thresholds cannot be compared, got several; pass the known hot jots with --mask"
-        )
-    if captured.sensor.mosaic is not None:
-        raise ValueError(
-            "find-hot-jots: expected a gray sensor, because jots with different filters cannot be "
-            f"compared, got the mosaic {captured.sensor.mosaic!r}; `jotlight calibrate` with a "
-            "dark capture finds hot jots"
-        )
-    if (depth := captured.sensor.bit_depth) > 1:
-        raise ValueError(
-            f"find-hot-jots: expected single bits, got readings of {depth} bits; pass the known "
-            "hot jots with --mask"
-        )
-    found = _count_jots(captured, threads)
-    if found is None:
-        raise ValueError(
-            "find-hot-jots: expected bits, or counts of single jots, but these are counts of "
-            f"pixels of {captured.sensor.oversampling} x {captured.sensor.oversampling} jots"
-        )
-    counts, trials = found
-    fewest = fewest_trials(counts, trials, threshold=captured.sensor.threshold)
+    sensor = captured.sensor
+    if (reason := hot_jots_unknown_reason(captured.data, sensor)) is not None:
+        raise ValueError(f"find-hot-jots: {reason}")
+    counts, trials = _count_jots(captured, threads)
+    fewest = fewest_trials(counts, trials, threshold=sensor.threshold)
     if trials < fewest:
         caution(
             "find-hot-jots",
@@ -115,8 +97,7 @@ def mask_hot_jots(captured: Captured, threads: int | None) -> Captured:
         raise ValueError(
             "find-hot-jots: expected jots that see like their neighbors, but " + periodic.describe()
         )
-    sensor = captured.sensor
-    hot = _find_hot_jots(counts, trials, sensor)
+    hot = hot_jots_of(counts, trials, sensor)
     mask = hot if sensor.mask is None else hot | sensor.mask
     return dataclasses.replace(
         captured,
@@ -132,21 +113,10 @@ def _dark_count_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tup
     return [] if conflict is None else [("dark counts", conflict)]
 
 
-def _find_hot_jots(counts: Counts, trials: int, sensor: Sensor) -> npt.NDArray[np.bool_]:
-    """Return the hot jots of counts (H, W) or (H, W, C)."""
-    return find_hot_jots(
-        counts,
-        trials=trials,
-        threshold=sensor.threshold,
-        mask=sensor.mask,
-        channel_axis=last_channel_axis(counts),
-    )
-
-
 def _count_jots(
     captured: Captured, threads: int | None, max_bytes: int | None = None
-) -> tuple[Counts, int] | None:
-    """Return the counts of the jots and their trials, or None where there are none."""
+) -> tuple[Counts, int]:
+    """Return the counts of the jots and their trials."""
     data = captured.data
     if isinstance(data, Bits):
         if max_bytes is not None:
@@ -154,6 +124,4 @@ def _count_jots(
             data = data[: max(1, max_bytes // frame_bytes)]
         with progress(1) as begin:
             return data.counts(1, threads=threads, progress=begin("counting jots")), len(data)
-    if captured.sensor.oversampling != 1 or captured.sensor.bit_depth > 1:
-        return None
     return data.sum(), captured.sensor.trials

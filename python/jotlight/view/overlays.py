@@ -6,14 +6,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration import find_hot_jots
+from jotlight.calibration.hot_jots import hot_jots_of, hot_jots_unknown_reason
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
-from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.readings import Readings
 from jotlight.sensing.slices import frames_text
 from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
@@ -50,24 +48,11 @@ class JotMap:
         """Return a map of the jots, with 1 for dead and 2 for hot ones, and how it was found."""
         with self._lock:
             if self._map is None:
-                reason = _reason_without_search(self._viewed)
+                part = self._viewed.part(self._viewed.frames[-1:])
+                reason = hot_jots_unknown_reason(part, self._viewed.sensor(self._viewed.cycle))
                 self._map, self._note = _find_jots(self._viewed, reason)
                 self.is_searched = reason is None
             return self._map, self._note
-
-
-def _reason_without_search(viewed: Viewable) -> str | None:
-    """Return why hot jots cannot be searched, or None if they can."""
-    part, sensor = viewed.part(viewed.frames[-1:]), viewed.sensor(viewed.cycle)
-    if sensor.mosaic is not None:
-        return "their neighbors have other color filters"
-    if np.ndim(sensor.threshold):
-        return "the frames have different thresholds"
-    if isinstance(part, Readings):
-        return "they are known for single bits only"
-    if isinstance(part, CountStack) and sensor.oversampling > 1:
-        return "counts of pixels do not show single jots"
-    return None
 
 
 def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Map, str]:
@@ -79,20 +64,14 @@ def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Map, str]:
         dead = np.zeros((side * viewed.shape[0], side * viewed.shape[1]), np.uint8)
         if sensor.mask is not None:
             dead[sensor.mask] = DEAD
-        return dead, f"hot jots are not searched, because {reason}"
+        return dead, f"hot jots are not searched: {reason}"
     data = viewed.part(frames)
     counts: npt.NDArray[np.integer]
     if isinstance(data, Bits):
         counts, trials = data.counts(1), len(data)
     else:
         counts, trials = count_frames(viewed, frames), sensor.trials
-    hot = find_hot_jots(
-        counts,
-        trials=trials,
-        threshold=sensor.threshold,
-        mask=sensor.mask,
-        channel_axis=last_channel_axis(counts),
-    )
+    hot = hot_jots_of(counts, trials, sensor)
     found = np.where(hot, HOT, 0).astype(np.uint8)
     if sensor.mask is not None:
         found[sensor.mask] = DEAD
