@@ -49,6 +49,7 @@ from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import Checksum, WindowCounter
 from jotlight.formats.reading import open_capture
+from jotlight.formats.reading_options import ReadingOptions
 
 WORKERS = 2
 
@@ -98,7 +99,7 @@ def video_job(path, folder, window, method):
     dtype = "int32" if method is None else "float32"
     group = max(1, max(1 << 27, frames * FRAME_BYTES // 1024) // (window * FRAME_BYTES))
     store = VideoStore(folder / "v.zarr", {"values": dtype}, (number, 512, 512), dtype, group)
-    source = CaptureSource(str(path), (("counts", False),))
+    source = CaptureSource(str(path), ReadingOptions(counts=False))
     return VideoJob("v", source, Spans(window, window, number), 1, estimator, store)
 
 

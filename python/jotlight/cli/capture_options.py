@@ -9,9 +9,11 @@ from cyclopts import Parameter
 
 from jotlight.cli.common_options import CAPTURE_PANEL
 from jotlight.errors import warn
-from jotlight.formats import FORMATS, open_capture
+from jotlight.formats import FORMATS
 from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.opening import read_capture
 from jotlight.formats.orientation import FLIPS
+from jotlight.formats.reading_options import ReadingOptions
 from jotlight.formats.scaled import unscale
 from jotlight.sensing.crop import parse_region
 from jotlight.sensing.frames import read_frames
@@ -23,7 +25,7 @@ _KEY = "Name of the array in a .npz, .mat, HDF5 file or zarr folder. Default: it
 @Parameter(name="*", group=CAPTURE_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CaptureOptions:
-    """Parameters of :func:`jotlight.formats.open_capture`; None where an option is not set."""
+    """Parameters of :class:`ReadingOptions`; None where an option is not set."""
 
     key: Annotated[str | None, Parameter(help=_KEY)] = None
     counts: Annotated[
@@ -115,13 +117,11 @@ class CaptureOptions:
         bit_depth : int, optional
             The bits of a reading, if they are stated. Numbers are then readings.
         """
-        if (bit_depth or 1) > 1:
-            counts = True if self.counts is None else self.counts
-            return dataclasses.replace(self, counts=counts)._open(path, readings=True)
-        capture = self._open(path)
+        options = self.to_options(bit_depth)
+        capture = read_capture(path, options)
+        if options.holds_readings:
+            return capture
         if self.counts_scale is None:
-            if self.trials is not None:
-                raise ValueError("trials: states the frames of each mean, with --counts-scale")
             if isinstance(capture, CountStack) and total_trials is not None:
                 _warn_about_means(capture, total_trials / len(capture))
             return capture
@@ -136,24 +136,23 @@ class CaptureOptions:
                 )
         return unscale(capture, self.counts_scale, trials)
 
-    def _open(self, path: Path | str, *, readings: bool = False) -> Capture:
-        scaled = self.counts_scale is not None
-        region = None if self.region is None else parse_region(self.region)
-        opened = open_capture(
-            path,
+    def to_options(self, bit_depth: int | None = None) -> ReadingOptions:
+        """Return the options as the library takes them, with the bits of a reading if stated."""
+        return ReadingOptions(
             format=self.format,
             width=self.width,
             frames=parse_frame_range(self.frame_range),
             rotate=self.rotate,
             flip=self.flip,
+            region=None if self.region is None else parse_region(self.region),
             key=self.key,
-            counts=True if scaled and self.counts is None else self.counts,
+            counts=self.counts,
             unpacked=self.unpacked,
             isolate=self.isolate,
-            means=scaled,
-            readings=readings,
+            counts_scale=self.counts_scale,
+            trials=self.trials,
+            bit_depth=None if bit_depth == 1 else bit_depth,
         )
-        return opened if region is None else opened[:, *region]
 
     def to_argv(self, key_option: str = "--key") -> list[str]:
         """Return the options as words of a command line, which may rename `--key`."""

@@ -101,15 +101,9 @@ def _verify(file: Path, capture: CaptureOptions) -> str:
         raise ValueError(f"{file}: --verify is for captures and videos, not for .safetensors files")
     with progress(1) as begin:
         update = begin("verifying")
+        options = dataclasses.replace(capture, frame_range=None, region=None).to_options()
         return verify_video(file, update) or verify_capture(
-            file,
-            format=capture.format,
-            progress=update,
-            width=capture.width,
-            key=capture.key,
-            counts=capture.counts,
-            unpacked=capture.unpacked,
-            isolate=capture.isolate,
+            file, progress=update, **options.stated()
         )
 
 

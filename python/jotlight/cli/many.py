@@ -1,12 +1,12 @@
 """Runs of `reconstruct` and `convert` over many captures, or over the windows of a capture."""
 
 import contextlib
+import dataclasses
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from jotlight.cli.capture_jobs import Target, check_video_name
-from jotlight.cli.capture_options import CaptureOptions, parse_frame_range
+from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import caution, progress, report
 from jotlight.cli.run_notes import caution_about_moving_scenes, report_notes
 from jotlight.cli.run_options import RunOptions
@@ -26,6 +26,7 @@ from jotlight.dask.running import (
 from jotlight.errors import counted, error_message
 from jotlight.files import check_outputs
 from jotlight.formats.locations import is_url
+from jotlight.formats.reading_options import ReadingOptions
 from jotlight.sensing.bits import Bits
 
 _MAX_SHOWN = 20
@@ -152,31 +153,18 @@ def _make_jobs(
     return jobs, refused
 
 
-def _opening(capture: CaptureOptions, run: RunOptions) -> dict[str, Any]:
+def _opening(capture: CaptureOptions, run: RunOptions) -> ReadingOptions:
     """Return the options with which the workers open the captures."""
     if capture.counts_scale is not None or capture.trials is not None:
         raise ValueError("counts-scale, trials: are for one capture of counts, not for a run")
-    options: dict[str, Any] = {
-        "format": capture.format,
-        "width": capture.width,
-        "frames": parse_frame_range(capture.frame_range),
-        "rotate": capture.rotate,
-        "flip": capture.flip,
-        "region": capture.region,
-        "key": capture.key,
-        "counts": capture.counts,
-        "unpacked": capture.unpacked,
-        "isolate": capture.isolate,
-        "storage_options": run.storage_options(),
-    }
-    return {name: value for name, value in options.items() if value is not None}
+    return dataclasses.replace(capture.to_options(), storage_options=run.storage_options())
 
 
-def _source(path: str, options: dict[str, Any]) -> CaptureSource:
+def _source(path: str, options: ReadingOptions) -> CaptureSource:
     """Return a capture as the workers open it."""
     if is_url(path):
         return CaptureSource.of(path, options)
-    kept = {name: value for name, value in options.items() if name != "storage_options"}
+    kept = dataclasses.replace(options, storage_options=None)
     return CaptureSource.of(str(Path(path).absolute()), kept)
 
 

@@ -174,15 +174,10 @@ def _opening(
     words = dataclasses.replace(capture, frame_range=None).to_argv()
     unset: dict[str, Any] = dict.fromkeys(("frames", *of_window))
     words += dataclasses.replace(sensor, **unset).to_argv()
-    options = {
-        name: getattr(capture, name)
-        for name in ("format", "width", "rotate", "flip", "key", "counts", "unpacked")
-    }
-    options["rotate"] = capture.rotate or None
-    if capture.counts_scale is not None and isinstance(captured.data, CountStack):
-        options |= {"counts_scale": capture.counts_scale, "trials": captured.data.trials}
-    options["bit_depth"] = sensor.bit_depth if captured.sensor.bit_depth > 1 else None
-    arguments = {name: repr(value) for name, value in options.items() if value is not None}
+    options = dataclasses.replace(capture.to_options(sensor.bit_depth), frames=None, isolate=False)
+    if options.holds_means and isinstance(captured.data, CountStack):
+        options = dataclasses.replace(options, trials=captured.data.trials)
+    arguments = {name: repr(value) for name, value in options.stated().items()}
     lines = _sensor_lines(sensor, captured)
     if sensor.find_hot_jots:
         lines += _hot_jot_lines(path, {**arguments, "frames": repr(frames)}, captured)

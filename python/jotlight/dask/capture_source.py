@@ -2,13 +2,12 @@
 
 import dataclasses
 import functools
-from typing import Any
 
 from jotlight.dask.records import Record
 from jotlight.formats.locations import file_state
-from jotlight.formats.reading import open_capture
+from jotlight.formats.opening import read_capture
+from jotlight.formats.reading_options import ReadingOptions
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.crop import parse_region
 
 _KEPT = 4
 """Number of captures that a process keeps open."""
@@ -20,13 +19,13 @@ class CaptureSource:
 
     path: str
     """A path or a URL."""
-    options: tuple[tuple[str, Any], ...] = ()
-    """Options of :func:`jotlight.formats.open_capture`, and "region", the text of a region."""
+    options: ReadingOptions = dataclasses.field(default=ReadingOptions(), hash=False)
+    """How it is read. Slices have no hash."""
     state: tuple[int, int] = (0, 0)
     """Number of bytes of its files, and their last change in nanoseconds."""
 
     @classmethod
-    def of(cls, path: str, options: dict[str, Any]) -> "CaptureSource":
+    def of(cls, path: str, options: ReadingOptions) -> "CaptureSource":
         """Return the source of a capture in its present state.
 
         Raises
@@ -34,8 +33,7 @@ class CaptureSource:
         OSError
             When there is no such capture.
         """
-        state = file_state(path, options.get("storage_options"))
-        return cls(path, tuple(options.items()), state)
+        return cls(path, options, file_state(path, options.storage_options))
 
     def open(self) -> Bits:
         """Return the bits. A process keeps the captures that it used last, until they change.
@@ -45,38 +43,30 @@ class CaptureSource:
         OSError, ValueError
             When the capture cannot be read, or holds counts.
         """
-        return _open(self.path, _HashableOptions(self.options), self.state)
+        return _open(self)
 
     def describe(self) -> Record:
-        """Return the options that say how the capture is read, as values of JSON.
+        """Return the options that say how the capture is read, as values of JSON, unless False.
 
         The provenance of the capture states its region, which may be written in several ways.
         """
-        hidden = ("isolate", "means", "storage_options", "region")
+        hidden = ("isolate", "storage_options", "region")
         return {
             name: repr(value) if isinstance(value, slice) else value
-            for name, value in self.options
-            if value not in (None, 0) and name not in hidden
+            for name, value in self.options.stated().items()
+            if value and name not in hidden
         }
 
 
-class _HashableOptions(dict[str, Any]):
-    """Options that are equal if their texts are, because slices cannot be hashed."""
-
-    def __hash__(self) -> int:  # type: ignore[override]
-        return hash(repr(self))
-
-
 @functools.lru_cache(_KEPT)
-def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits:
+def _open(source: CaptureSource) -> Bits:
     """Return the bits of a capture. Each state of it is opened by itself."""
-    region = options.get("region")
-    capture = open_capture(path, **{k: v for k, v in options.items() if k != "region"})
+    capture = read_capture(source.path, source.options)
     if not isinstance(capture, Bits):
         kind = "counts" if capture.sensor is None else "readings of several bits"
         film = ", or use `jotlight film` for windows of its images" if len(capture) > 1 else ""
         raise ValueError(
-            f"{path}: expected bits in a run over captures or windows, got {kind}; run this "
+            f"{source.path}: expected bits in a run over captures or windows, got {kind}; run this "
             f"capture by itself, as a whole{film}"
         )
-    return capture if region is None else capture[:, *parse_region(region)]
+    return capture

@@ -4,8 +4,9 @@
 
 * ``npy``, ``visionsim``, ``swissspad``, ``spad512s``, and the folders ``zarr``, ``hdf5``,
   ``matlab``, and ``images`` each read and write one family;
-* ``detect`` finds the format of a file, ``reading`` opens it, ``scaled`` and ``with_mosaic`` add
-  what the caller states about it, and ``writing`` writes it;
+* ``detect`` finds the format of a file, ``opening`` opens it as its ``reading_options`` state,
+  ``reading`` returns it to the caller, ``scaled`` and ``with_mosaic`` add what the caller states
+  about it, and ``writing`` writes it;
 * ``checksums`` and ``verification`` detect changes of a file since jotlight wrote it;
 * ``capture``, ``count_stacks``, ``selection``, ``orientation``, and ``packing`` handle what was
   read;

@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path
-from jotlight.checks import whole_number, whole_number_in_range
-from jotlight.errors import SeveralArraysError, warn
-from jotlight.formats.capture import Capture, CountStack, frames_of, with_frames
-from jotlight.formats.detect import detect_format
-from jotlight.formats.file_systems import url_state
-from jotlight.formats.format import Format, OpenOptions
-from jotlight.formats.locations import check_exists, expand, files_state, is_glob, is_url
-from jotlight.formats.packing import pack_stack
-from jotlight.formats.registry import FORMATS
-from jotlight.formats.remote import LocalCopy
+from jotlight.checks import whole_number_in_range
+from jotlight.errors import warn
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.locations import expand, is_glob
+from jotlight.formats.opening import read_capture
+from jotlight.formats.reading_options import ReadingOptions
 from jotlight.formats.scaled import unscale
-from jotlight.formats.selection import select
 from jotlight.formats.with_mosaic import with_mosaic
-from jotlight.parameter_names import check_choice
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames
 from jotlight.sensing.reading_checks import MAX_BIT_DEPTH
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
@@ -141,42 +130,39 @@ def open(
     >>> bits.provenance.notes[0]
     'read as bits, the most significant first, along the width'
     """
-    if trials is not None and counts_scale is None:
-        raise ValueError(
-            "trials: states the frames of each mean, together with counts_scale; counts themselves "
-            "need Sensor(frames=...)"
-        )
-    options = {name: value for name, value in locals().items() if name != "path"}
-    if isinstance(path, str) and is_glob(path):
-        opened = (open(each, **options) for each in expand(path, storage_options))
-        return [each for each in opened if not isinstance(each, list)]
-    capture = open_capture(
-        path,
+    options = ReadingOptions(
         format=format,
         width=width,
         frames=frames,
         rotate=rotate,
         flip=flip,
         key=key,
-        counts=True if (counts_scale or bit_depth) and counts is None else counts,
+        counts=counts,
         unpacked=unpacked,
         isolate=isolate,
-        means=counts_scale is not None,
-        readings=bit_depth is not None,
+        counts_scale=counts_scale,
+        trials=trials,
+        bit_depth=bit_depth,
         storage_options=storage_options,
     )
-    if counts_scale is not None:
-        capture = unscale(capture, counts_scale, trials)
+    if isinstance(path, str) and is_glob(path):
+        return [_open_one(each, options, mosaic) for each in expand(path, storage_options)]
+    return _open_one(path, options, mosaic)
+
+
+def _open_one(path: str | os.PathLike[str], options: ReadingOptions, mosaic: object) -> Data:
+    """Return the bits, the readings, or the sum of the counts of one capture."""
+    capture = _unscaled(path, options)
     if isinstance(capture, Bits):
         return with_mosaic(capture, mosaic)
-    if bit_depth is not None or capture.sensor is not None:
-        return with_mosaic(as_readings(capture, bit_depth), mosaic)
+    if options.holds_readings or capture.sensor is not None:
+        return with_mosaic(as_readings(capture, options.bit_depth), mosaic)
     if mosaic is not None:
         raise ValueError(
             f"mosaic: {path} holds counts, which carry no sensor; pass it to jotlight.reconstruct, "
             "such as Sensor(frames=16, mosaic=…)"
         )
-    if len(capture.images) > 1 and frames is None:
+    if len(capture.images) > 1 and options.frames is None:
         number, notes = len(capture.images), capture.provenance.notes
         warn("; ".join([f"{path}: the result is the sum of its {number} images of counts", *notes]))
     return capture.sum()
@@ -199,150 +185,26 @@ def as_readings(stack: CountStack, bit_depth: int | None) -> Readings:
     return stack.readings(Sensor(frames=len(stack), bit_depth=depth))
 
 
-def open_capture(
-    path: str | os.PathLike[str],
-    *,
-    storage_options: dict[str, Any] | None = None,
-    **options: Any,
-) -> Capture:
+def open_capture(path: str | os.PathLike[str], **options: Any) -> Capture:
     """Return a capture as :func:`open` does, but without summing a stack of images of counts.
 
     Parameters
     ----------
-    path, storage_options, **options
-        As for :func:`open`.
+    path, **options
+        As for :func:`open`, without `mosaic`.
 
     Returns
     -------
-    Bits, Readings, or CountStack
-        A `CountStack` holds T images of counts, with their ``trials`` if the file states them.
+    Bits or CountStack
+        A `CountStack` holds T images of counts, with their ``trials`` if the file states them, or
+        of readings of several bits.
     """
-    if isinstance(path, str) and is_url(path):
-        return _open_url(path, storage_options, options)
-    if storage_options is not None:
-        raise ValueError(f"storage_options: are for URLs, not for {path}")
-    path = as_path(path, 'jotlight.open("capture.npy")')
-    absolute = path.absolute()
-    capture = _open_once(path, **options)
-    frames = frames_of(capture)
-    if isinstance(frames, Frames):
-        frames.set_origin(functools.partial(_open_data, absolute, files_state(absolute), **options))
-    return capture
+    return _unscaled(path, ReadingOptions(**options))
 
 
-def _open_url(url: str, storage_options: dict[str, Any] | None, options: dict[str, Any]) -> Capture:
-    """Return the capture at a URL."""
-    copy = LocalCopy(url, storage_options)
-    with copy.named_in_errors():
-        capture = _open_once(copy.path, **options)
-    state, frames = url_state(url, storage_options), frames_of(capture)
-    if not isinstance(frames, Frames):
+def _unscaled(path: str | os.PathLike[str], options: ReadingOptions) -> Capture:
+    """Return a capture, and the counts of means of frames."""
+    capture = read_capture(path, options)
+    if options.counts_scale is None:
         return capture
-    # The local copy lives as long as these functions.
-    read = copy.named_in_errors()(frames.read)
-    verify = copy.named_in_errors()(frames.verify)
-    kept = Frames(frames.shape, read, frames.dtype, verify)
-    kept.set_origin(functools.partial(_open_url_data, url, state, storage_options, **options))
-    return with_frames(capture, kept)
-
-
-def _open_url_data(
-    url: str, state: tuple[int, int], storage_options: dict[str, Any] | None, **options: Any
-) -> Any:
-    """Return the frames at a URL, which a copy in another process opens again."""
-    if url_state(url, storage_options) != state:
-        raise ValueError(f"{url}: a file has changed since it was opened")
-    return frames_of(_open_url(url, storage_options, options))
-
-
-def _open_data(path: Path, state: tuple[int, int, int], **options: Any) -> Any:
-    """Return the frames of a capture, which a copy in another process opens again.
-
-    Raises
-    ------
-    ValueError
-        When the files have changed since the capture was opened.
-    """
-    if files_state(path) != state:
-        raise ValueError(f"{path}: a file has changed since it was opened")
-    return frames_of(open_capture(path, **options))
-
-
-def _open_once(
-    path: Path,
-    *,
-    format: str | None = None,
-    width: int | None = None,
-    frames: slice | None = None,
-    rotate: int = 0,
-    flip: str | None = None,
-    key: str | None = None,
-    counts: bool | None = None,
-    unpacked: bool | None = None,
-    isolate: bool = False,
-    means: bool = False,
-    readings: bool = False,
-) -> Capture:
-    """Return a capture whose copies hold its content."""
-    if format is not None:
-        check_choice("format", format, FORMATS)
-    check_exists(path)
-    entry = FORMATS[format or detect_format(path)]
-    width = None if width is None else whole_number("width", width, 1)
-    if readings and (unpacked or counts is False):
-        raise ValueError(
-            "bit_depth: is for images of readings, but bits are requested; leave out unpacked=True "
-            "(--unpacked) and counts=False (--bits)"
-        )
-    packed = unpacked is False
-    options = OpenOptions(key, counts, width, floats=means, packed=packed, isolate=isolate)
-    _check_options(path, entry, options, unpacked)
-    try:
-        if unpacked:
-            options = dataclasses.replace(options, counts=True, width=None, floats=True)
-            capture = entry.open(path, options)
-            capture = pack_stack(capture) if isinstance(capture, CountStack) else capture
-        else:
-            capture = entry.open(path, options)
-    except ValueError as error:
-        if str(path) in str(error):
-            raise
-        text = f"{path}: {str(error).removeprefix(f'{path.name}: ')}"
-        if isinstance(error, SeveralArraysError):
-            raise SeveralArraysError(text, error.names) from error
-        raise ValueError(text) from error
-    if not unpacked and counts is not None and counts == isinstance(capture, Bits):
-        content = (
-            "bits" if counts else "counts; unpacked=True (--unpacked) reads each number as a bit"
-        )
-        raise ValueError(f"counts: {path} ({entry.name}) holds {content}")
-    if counts and not readings and isinstance(capture, CountStack) and capture.sensor is not None:
-        raise ValueError(
-            f"counts: {path} states readings of {capture.sensor.bit_depth} bits, not counts; leave "
-            f"out {'counts_scale= (--counts-scale)' if means else 'counts=True (--counts)'}"
-        )
-    if width is not None:
-        actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
-        if width != actual:
-            raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
-    selected = select(capture, frames, rotate, flip, key)
-    data = frames_of(selected)
-    if entry.verify is not None and isinstance(data, Frames):
-        data.verify = functools.partial(entry.verify, path)
-    return selected
-
-
-def _check_options(path: Path, entry: Format, options: OpenOptions, unpacked: bool | None) -> None:
-    """Raise ValueError for options that do not apply to a format, or contradict each other."""
-    if options.key is not None and not entry.has_keys:
-        raise ValueError(
-            f"key: names an array in a file of several, but {path} ({entry.name}) has one"
-        )
-    if unpacked and options.counts:
-        raise ValueError(
-            "counts: expected at most one of counts and unpacked, got both (--counts, --unpacked)"
-        )
-    if unpacked and entry.fixed_layout:
-        raise ValueError(
-            f"unpacked: is for bits in arrays and images, not for {path} ({entry.name})"
-        )
+    return unscale(capture, options.counts_scale, options.trials)

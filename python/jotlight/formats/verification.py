@@ -6,7 +6,8 @@ from typing import Any
 from jotlight.argument_types import as_path
 from jotlight.formats.capture import frames_of
 from jotlight.formats.detect import detect_format
-from jotlight.formats.reading import open_capture
+from jotlight.formats.opening import read_capture
+from jotlight.formats.reading_options import ReadingOptions
 from jotlight.formats.registry import FORMATS
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.frames import read_in_chunks
@@ -52,8 +53,7 @@ def verify_capture(
     path = as_path(path, 'verify_capture("capture.npy")')
     entry = FORMATS.get(format or detect_format(path))
     checked = entry.verify(path) if entry is not None and entry.verify is not None else 0
-    capture = open_capture(path, format=format, **options)
-    frames = frames_of(capture)
+    frames = frames_of(read_capture(path, ReadingOptions(format=format, **options)))
     with shown_progress(progress, "reading frames") as update:
         for place, _ in read_in_chunks(frames):
             update(place.stop / len(frames))

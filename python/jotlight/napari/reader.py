@@ -112,10 +112,7 @@ def _read_array(
     mosaic: str | None,
     bit_depth: int | None,
 ) -> LayerData:
-    counts = None if bit_depth is None else True
-    opened = open_capture(
-        path, format=format, key=key, counts=counts, readings=bit_depth is not None, isolate=True
-    )
+    opened = open_capture(path, format=format, key=key, bit_depth=bit_depth, isolate=True)
     title = path.name if key is None else f"{path.name}: {key}"
     if isinstance(opened, Bits):
         viewed = dataclasses.replace(Viewed.from_data(opened), title=title)

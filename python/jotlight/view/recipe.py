@@ -192,15 +192,9 @@ def _open_lines(viewed: Viewable, state: ViewState) -> list[str]:
     if not state.align or not _holds_counts(viewed):
         return [f"{name} = jl.open({_call(opening.path, options)})"]
     # jl.open sums the images of a stack, which an alignment needs one by one.
-    lines = ["from jotlight.formats import open_capture"]
-    scale, trials = options.pop("counts_scale", None), options.pop("trials", None)
-    if scale is None:
-        return [*lines, f"bits = open_capture({_call(opening.path, options)})"]
-    options |= {"counts": options.get("counts", "True"), "means": "True"}
     return [
-        "from jotlight.formats.scaled import unscale",
-        *lines,
-        f"bits = unscale(open_capture({_call(opening.path, options)}), {scale}, {trials})",
+        "from jotlight.formats import open_capture",
+        f"bits = open_capture({_call(opening.path, options)})",
     ]
 
 
