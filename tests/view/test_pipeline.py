@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.view.pipeline import Pipeline, Request
+from jotlight.view.pipeline import ImageRequest, Pipeline
 from jotlight.view.state import ViewState
 from jotlight.view.viewed import Viewed
 from jotlight.view.workshop import Workshop
@@ -22,7 +22,7 @@ def pipeline():
 
 
 def notes_of(pipeline, **state):
-    request = Request(1, ViewState(**state))
+    request = ImageRequest(1, ViewState(**state))
     counts, _ = pipeline.count(request, [])
     message = pipeline.refine(request, counts)
     (length,) = struct.unpack("<I", message[:4])

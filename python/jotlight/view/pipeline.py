@@ -33,7 +33,7 @@ MAX_KEEPING_UP = 0.1
 
 
 @dataclasses.dataclass
-class Request:
+class ImageRequest:
     """A request of the page for an image, until a newer one cancels it."""
 
     number: int
@@ -74,7 +74,7 @@ class Pipeline:
         """Return whether counting a window takes so long that a part of it is shown first."""
         return self._running.cost(state.span) > self._sample_size
 
-    def sample_counts(self, request: Request) -> bytes:
+    def sample_counts(self, request: ImageRequest) -> bytes:
         """Return an image of the middle of a window that takes long to count."""
         frames, number = request.state.span, self._sample_size
         before = (len(frames) - number) // 2
@@ -83,12 +83,12 @@ class Pipeline:
         made = fraction_estimate(self.viewed, count_frames(self.viewed, sample), number)
         return self._image_message(request, made, "sample", time.perf_counter())
 
-    def count(self, request: Request, methods: list[str]) -> tuple[Counts, bytes | None]:
+    def count(self, request: ImageRequest, methods: list[str]) -> tuple[Counts, bytes | None]:
         """Return the counts of the window of a request, and an image by the first method."""
         counts = self._running.move(request.state.span, request.check)
         return counts, self.preview(request, counts, methods[0]) if methods else None
 
-    def preview(self, request: Request, counts: Counts, method: str) -> bytes:
+    def preview(self, request: ImageRequest, counts: Counts, method: str) -> bytes:
         """Return an image of the counts, or of maximum likelihood, that is refined later."""
         start = time.perf_counter()
         with collected() as notes:
@@ -97,7 +97,7 @@ class Pipeline:
         stage = "final" if is_last else method
         return self._image_message(request, made, stage, start, notes)
 
-    def refine(self, request: Request, counts: Counts) -> bytes:
+    def refine(self, request: ImageRequest, counts: Counts) -> bytes:
         """Return the image of the chosen method, aligned or compared if the state says so."""
         state, start = request.state, time.perf_counter()
         with collected() as notes:
@@ -112,7 +112,7 @@ class Pipeline:
         other = others[0] if others and state.method != COUNTS else None
         return self._image_message(request, made, "final", start, notes, other)
 
-    def overlays(self, request: Request) -> Iterator[bytes]:
+    def overlays(self, request: ImageRequest) -> Iterator[bytes]:
         """Yield the overlays of the most recent image."""
         made = self.last
         for kind in request.state.overlays:
@@ -173,7 +173,7 @@ class Pipeline:
             facts[unit] = np.asarray(value * unit_scale(made.sensor, unit), np.float64).tolist()
         return facts
 
-    def _merge(self, request: Request) -> Merged | None:
+    def _merge(self, request: ImageRequest) -> Merged | None:
         frames, method = request.state.span, request.state.method
         key = frames, choose(self.viewed, len(frames), method).max_intensity
         if self._merged is None or self._merged[0] != key:
@@ -186,7 +186,7 @@ class Pipeline:
 
     def _image_message(
         self,
-        request: Request,
+        request: ImageRequest,
         made: Estimate,
         stage: str,
         start: float,

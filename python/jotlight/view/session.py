@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from jotlight.errors import error_message
 from jotlight.view.facts import describe_capture
 from jotlight.view.messages import decode_request, encode
-from jotlight.view.pipeline import MAX_KEEPING_UP, Pipeline, Request, is_quick
+from jotlight.view.pipeline import MAX_KEEPING_UP, ImageRequest, Pipeline, is_quick
 from jotlight.view.recipe import recipe
 from jotlight.view.running_counts import Counts
 from jotlight.view.state import COUNTS, ViewState, parse_probe
@@ -60,17 +60,17 @@ class Session:
         self._workshop, self._send_bytes, self._receive = workshop, send, receive
         self._token = token
         self._pipeline = Pipeline(workshop)
-        self._newest: Request | None = None
+        self._newest: ImageRequest | None = None
         self._has_request = asyncio.Event()
-        self._job: tuple[Request, Counts] | None = None
+        self._job: tuple[ImageRequest, Counts] | None = None
         self._has_job = asyncio.Event()
-        self._refining: Request | None = None
-        self._counting: Request | None = None
+        self._refining: ImageRequest | None = None
+        self._counting: ImageRequest | None = None
         self._unread = asyncio.Semaphore(MAX_UNREAD)
         self._sending = asyncio.Lock()
         self._sent = 0
         self._probe: tuple[int, int] | None = None
-        self._follow: Request | None = None
+        self._follow: ImageRequest | None = None
         self._has_rates = workshop.viewed.is_live
 
     async def run(self) -> None:
@@ -110,7 +110,7 @@ class Session:
                 number = message.get("id")
                 if isinstance(number, bool) or not isinstance(number, int):
                     raise ValueError("id: expected a whole number")
-                self._ask(Request(number, state, message.get("moving") is True))
+                self._ask(ImageRequest(number, state, message.get("moving") is True))
             elif kind == "ack":
                 if self._sent > 0:
                     self._sent -= 1
@@ -124,7 +124,7 @@ class Session:
                 raise ValueError("type: expected view, ack, probe, or recipe")
             await asyncio.sleep(0)  # many messages of one page must not delay the others
 
-    def _ask(self, request: Request) -> None:
+    def _ask(self, request: ImageRequest) -> None:
         """Make a request the newest one, which cancels those before it."""
         is_live = self._workshop.viewed.is_live
         self._follow = request if is_live and request.state.follow else None
@@ -153,7 +153,7 @@ class Session:
                 await self._answer_one(request)
             self._counting = None
 
-    async def _answer_one(self, request: Request) -> None:
+    async def _answer_one(self, request: ImageRequest) -> None:
         state, pipeline = request.state, self._pipeline
         if pipeline.takes_long(state):
             await self._send_image(await self._quickly(pipeline.sample_counts, request))
@@ -177,11 +177,11 @@ class Session:
             self._job = request, counts
             self._has_job.set()
 
-    def _is_passing(self, request: Request) -> bool:
+    def _is_passing(self, request: ImageRequest) -> bool:
         """Return whether an image is replaced before its overlays are of use, as under a slider."""
         return request.is_moving and self._follow is None
 
-    def _keeps_up(self, request: Request) -> bool:
+    def _keeps_up(self, request: ImageRequest) -> bool:
         """Return whether the refinement follows a moving slider without previews."""
         if not request.is_moving:
             return False
@@ -233,7 +233,7 @@ class Session:
             ticks += 1
             await asyncio.sleep(LIVE_INTERVAL)
 
-    async def _send_rates(self, request: Request) -> None:
+    async def _send_rates(self, request: ImageRequest) -> None:
         """Send the readings over time. Frames that cannot be read are reported only once."""
         try:
             rates, each = await self._slowly(self._workshop.rates, request.check)
@@ -259,7 +259,7 @@ class Session:
         await self._send({"type": "recipe", **found})
 
     @contextlib.asynccontextmanager
-    async def _reported(self, request: Request) -> AsyncIterator[None]:
+    async def _reported(self, request: ImageRequest) -> AsyncIterator[None]:
         """Ignore cancellation, and report errors of the library to the page."""
         try:
             yield
