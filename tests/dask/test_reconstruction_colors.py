@@ -1,6 +1,5 @@
 """Videos of color mosaics and of three channels: the colors of `jotlight.reconstruct`."""
 
-import dataclasses
 import warnings
 
 import dask
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask.estimator import Estimator, choose_estimator
+from jotlight.dask.estimator import choose_estimator
 from jotlight.sensing.mosaic import Mosaic
 
 SCENE = jl.datasets.photograph("astronaut")[40:160:4, 160:288:4].astype(np.float64)
@@ -81,7 +80,7 @@ def test_networks_fall_back_behind_a_mosaic():
 
 
 def test_the_best_method_of_many_trials_estimates_planes():
-    assert choose_estimator(jl.Sensor(frames=2000, mosaic="RGBW")).method == "held-out"
+    assert choose_estimator(jl.Sensor(frames=2000, mosaic="RGBW")).choice.method == "held-out"
 
 
 @pytest.mark.parametrize("options", [{}, {"method": "mle"}], ids=str)
@@ -102,7 +101,7 @@ def test_colors_do_not_depend_on_chunks_or_threads():
     estimator = choose_estimator(bits.sensor.replace(frames=8))
     counts = np.stack([part.counts() for part in bits.windows(8, 4)])
     for threads in (1, 2, None):
-        several = dataclasses.replace(estimator, threads=threads)
+        several = estimator.with_threads(threads)
         np.testing.assert_array_equal(several(counts), expected)
         np.testing.assert_array_equal(several(counts[2:3])[0], expected[2])
 
@@ -132,7 +131,7 @@ def test_weights_are_those_of_the_networks_that_run():
     mosaic = jl.Sensor(frames=16, mosaic="RGBW")
     joint = choose_estimator(mosaic)
     channels = choose_estimator(jl.Sensor(frames=16), channels=3)
-    assert (joint.method, channels.method) == ("network-color", "network-color")
+    assert (joint.choice.method, channels.choice.method) == ("network-color", "network-color")
     assert len(joint.weights()) == len(channels.weights()) == 2
     assert joint.weights() != channels.weights()
     assert choose_estimator(mosaic, "mle").weights() is None
@@ -141,7 +140,7 @@ def test_weights_are_those_of_the_networks_that_run():
 
 
 def test_empty_counts_have_the_shape_of_colors():
-    estimator = Estimator(jl.Sensor(frames=16, mosaic="RGGB"), "mle")
+    estimator = choose_estimator(jl.Sensor(frames=16, mosaic="RGGB"), "mle")
     assert estimator(np.empty((0, 4, 6), np.int32)).shape == (0, 4, 6, 3)
 
 

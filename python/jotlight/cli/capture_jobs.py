@@ -23,6 +23,7 @@ from jotlight.dask.jobs import (
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.evaluation.records import maps_sha256
+from jotlight.evaluation.request import Request
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
 from jotlight.networks.color_network import ColorNetwork
@@ -176,13 +177,11 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
             f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
             "which counts are not enough; reconstruct each capture by itself, as a whole"
         )
-    choice = job.choice
     settings = dict(job.settings)
-    fallback = bool(settings.pop("fallback", False))
-    named = settings.pop("demosaicing", None), settings.pop("precision", None)
-    options = tuple(sorted(settings.items()))
-    chosen = sensor, choice.method, choice.quality
-    return checked(Estimator(*chosen, network, options, 1, fallback, *named))
+    names = ("demosaicing", "precision", "fallback")
+    named = {name: settings.pop(name) for name in names if name in settings}
+    request = Request(network, options=settings, threads=1, **named)
+    return checked(Estimator(sensor, request, job.choice))
 
 
 def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
@@ -198,7 +197,7 @@ def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
 def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> dict[str, Any]:
     sensor, calibration = estimator.sensor, job.calibration
     return {
-        "method": estimator.method,
+        "method": estimator.choice.method,
         "options": job.settings,
         "weights_sha256": estimator.weights(inputs.method.model),
         "sensor": sensor.scalars(),

@@ -3,25 +3,17 @@
 import dataclasses
 import functools
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
-from jotlight.evaluation.choice import (
-    COLOR_NETWORK,
-    OWN_NETWORK,
-    check_extras,
-    check_fallback,
-    check_precision_of,
-    choose_method,
-    named_method,
-)
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_fallback
 from jotlight.evaluation.color_data import check_demosaicing, uses_color_network
-from jotlight.evaluation.held_out import blend
-from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.request import Request
+from jotlight.evaluation.run_choice import run_choice
 from jotlight.evaluation.weights import weights_sha256
 from jotlight.layout import Layout
 from jotlight.networks.mosaic_planes import plane_sensors
@@ -41,27 +33,20 @@ class Estimator:
     """A method with its sensor, which estimates images from counts. Workers get copies of it."""
 
     sensor: Sensor
-    method: str
-    """Key of :data:`METHODS`, :data:`OWN_NETWORK`, or :data:`COLOR_NETWORK`."""
-    quality: str | None = None
-    """Size of a pretrained network, which each process reads from its own installation."""
-    network: Network | None = None
-    """Network of the caller."""
-    options: tuple[tuple[str, Any], ...] = ()
-    """Options of the method."""
-    threads: int | None = 1
-    """Number of threads. The estimate does not depend on it."""
-    fallback: bool = False
-    """Whether a network falls back to other methods, as in `jotlight.reconstruct`."""
-    demosaicing: str | None = None
-    """How the planes of a mosaic become colors, as in `jotlight.reconstruct`."""
-    precision: str | None = None
-    """Precision of the products of a deep network, as in `jotlight.reconstruct`."""
+    request: Request
+    """What the caller requests, with the network of the caller, if there is one."""
+    choice: Choice
+    """The method. Each process reads a shipped network from its own installation."""
+
+    def with_threads(self, threads: int | None) -> Self:
+        """Return the estimator for a number of threads, on which the estimate does not depend."""
+        request = dataclasses.replace(self.request, threads=threads)
+        return dataclasses.replace(self, request=request)
 
     @property
     def is_color(self) -> bool:
         """Whether an image is estimated from several filters or channels together."""
-        return self.sensor.mosaic is not None or self.method == COLOR_NETWORK
+        return self.sensor.mosaic is not None or self.choice.method == COLOR_NETWORK
 
     @property
     def is_pixelwise(self) -> bool:
@@ -70,15 +55,18 @@ class Estimator:
         Networks depend on more than the receptive fields of their filters: the mean and the
         brightest pixels of an image decide how its dark regions are estimated.
         """
-        return self.method == "mle" and not (self.sensor.maps() or self.is_color)
+        return self.choice.method == "mle" and not (self.sensor.maps() or self.is_color)
+
+    @property
+    def own_network(self) -> Network | None:
+        """The network of the caller."""
+        return self.request.method if isinstance(self.request.method, Network) else None
 
     def _network(self) -> Network | None:
-        network = self.network
-        if self.quality is not None:
-            network = _pretrained(self.sensor, self.quality, is_conditional=self.fallback)
-        if network is None or self.precision is None:
-            return network
-        return network.with_precision(self.precision)
+        """Return the network to run, if it is that of the caller or has a size."""
+        if (quality := self.choice.quality) is None:
+            return self.own_network
+        return _shipped(self.sensor, quality, is_conditional=self.request.fallback)
 
     def weights(self, model: Path | None = None) -> str | list[str] | None:
         """Return the SHA-256 of the files of weights, as :func:`weights_sha256` does.
@@ -86,7 +74,11 @@ class Estimator:
         `model` is the file of the caller's network.
         """
         return weights_sha256(
-            self.sensor, self.method, self.quality, model=model, is_conditional=self.fallback
+            self.sensor,
+            self.choice.method,
+            self.choice.quality,
+            model=model,
+            is_conditional=self.request.fallback,
         )
 
     def estimate_shape(self, shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -99,7 +91,7 @@ class Estimator:
 
         Examples
         --------
-        >>> Estimator(Sensor(mosaic="RGGB"), "mle").estimate_shape((5, 16, 24))
+        >>> choose_estimator(Sensor(mosaic="RGGB"), "mle").estimate_shape((5, 16, 24))
         (5, 16, 24, 3)
         """
         if self.sensor.mosaic is None:
@@ -121,7 +113,7 @@ class Estimator:
 
         Examples
         --------
-        >>> Estimator(Sensor(frames=4), "mle").table().round(2).tolist()
+        >>> choose_estimator(Sensor(frames=4), "mle").table().round(2).tolist()
         [0.0, 0.28999999165534973, 0.6899999976158142, 1.0, 1.0]
         """
         table: npt.NDArray[np.float32] = self(
@@ -153,35 +145,19 @@ class Estimator:
             layout = Layout((len(counts), *channels), -1)
         else:
             gray, layout = np.ascontiguousarray(counts), Layout((len(counts),))
-        images = GrayImages(gray, layout)
-        if (network := self._network()) is None:
-            run, options = METHODS[self.method].run, dict(self.options)
-            run(images, self.sensor, out=out, threads=self.threads, **options)
-        elif self.fallback:
-            out[...] = layout.arrange(blend(images, self.sensor, network, self.threads)[0])
-        else:
-            out[...] = network.reconstruct(images, self.sensor, threads=self.threads)
+        images, network = GrayImages(gray, layout), self._network()
+        run_choice(self.choice, self.request, images, self.sensor, out, network=network)
 
     def _estimate_colors(self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]) -> None:
         """Write the estimates of counts of a mosaic, or of three channels, one after another."""
-        named = None if self.method == COLOR_NETWORK else self.method
+        settings = self.request.of_choice(self.choice).arguments()
         for image, estimate in zip(counts, out, strict=True):
-            reconstruct(
-                image,
-                self.sensor,
-                method=named if self.network is None else self.network,
-                channel_axis=None if image.ndim == 2 else -1,
-                demosaicing=self.demosaicing,
-                precision=self.precision,
-                out=estimate,
-                threads=self.threads,
-                fallback=self.fallback,
-                **dict(self.options),
-            )
+            axis = None if image.ndim == 2 else -1
+            reconstruct(image, self.sensor, channel_axis=axis, out=estimate, **settings)
 
 
 @functools.lru_cache(_KEPT)
-def _pretrained(sensor: Sensor, quality: str, *, is_conditional: bool) -> Network:
+def _shipped(sensor: Sensor, quality: str, *, is_conditional: bool) -> Network:
     return (pretrained_conditional if is_conditional else pretrained)(sensor, quality)
 
 
@@ -215,50 +191,37 @@ def choose_estimator(
 
     Examples
     --------
-    >>> choose_estimator(Sensor(frames=16), quality="small").method
+    >>> choose_estimator(Sensor(frames=16), quality="small").choice.method
     'network-small'
-    >>> choose_estimator(Sensor(frames=16, mosaic="RGGB")).method
+    >>> choose_estimator(Sensor(frames=16, mosaic="RGGB")).choice.method
     'network-color'
     """
     options = dict(options or {})
     fallback = bool(options.pop("fallback", False))
     check_countable(sensor)
-    if isinstance(method, Network):
-        check_extras(quality, options, fallback=False)
-        own = Estimator(sensor, OWN_NETWORK, None, method, (), 1, fallback, demosaicing, precision)
-        return checked(own)
-    if method is not None and not isinstance(method, str):
+    if not isinstance(method, str | Network | None):
         raise TypeError(
             "method: expected the name of a method, or a network for gray images, got "
-            f"{method!r}; the pretrained color network is the default for colors"
+            f"{method!r}; the shipped color network is the default for colors"
         )
-    requested = named_method(method, quality, options)
-    check_demosaicing(demosaicing, sensor)
-    is_default = requested is None and not fallback
-    if sensor.mosaic is None:
-        is_color = is_default and channels == COLORS
-    else:
-        is_color = uses_color_network(sensor, demosaicing, is_default=is_default)
-    choice = choose_method(sensor, requested=requested, is_color=is_color)
-    named = sensor, choice.method, choice.quality
-    chosen = tuple(sorted(options.items()))
-    return checked(Estimator(*named, None, chosen, 1, fallback, demosaicing, precision))
+    request = Request(method, quality, demosaicing, precision, fallback, options, threads=1)
+    choice = request.choose(sensor, takes_colors=sensor.mosaic is not None or channels == COLORS)
+    return checked(Estimator(sensor, request, choice))
 
 
 def checked(estimator: Estimator) -> Estimator:
     """Return an estimator, or raise ValueError if its parts do not fit together."""
-    sensor, network, demosaicing = estimator.sensor, estimator.network, estimator.demosaicing
+    sensor, request, choice = estimator.sensor, estimator.request, estimator.choice
+    network, demosaicing = estimator.own_network, request.demosaicing
     if network is not None:
         for each in plane_sensors(sensor):
             network.check_sensor(each)
-    if estimator.fallback:
-        check_fallback(sensor, estimator.method, estimator.quality, network)
+    if request.fallback:
+        check_fallback(sensor, choice.method, choice.quality, network)
     check_demosaicing(demosaicing, sensor)
-    check_precision_of(
-        estimator.precision, estimator.method, estimator.quality, fallback=estimator.fallback
-    )
+    choice.check_precision(request.precision, fallback=request.fallback)
     if sensor.mosaic is not None:
-        is_default = estimator.method == COLOR_NETWORK
+        is_default = choice.method == COLOR_NETWORK
         by_network = uses_color_network(sensor, demosaicing, is_default=is_default)
         choose_demosaicing(sensor.mosaic, None if by_network else demosaicing)
     return estimator

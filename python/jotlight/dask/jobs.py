@@ -100,7 +100,7 @@ class VideoJob:
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
         """Count or estimate a group of images, and write them. One image is in memory at a time."""
         images, low, high = self.store.images_of(unit), np.inf, -np.inf
-        estimator = self.estimator and dataclasses.replace(self.estimator, threads=threads)
+        estimator = self.estimator and self.estimator.with_threads(threads)
         counter = WindowCounter(
             self.capture.open(), self.spans, self.oversampling, threads, mapped=mapped
         )
@@ -162,7 +162,7 @@ class ImageJob:
             self.capture.open(), spans, self.oversampling, threads, mapped=mapped
         )
         counts = next(counter.windows(0, 1))
-        image = dataclasses.replace(self.estimator, threads=threads)(counts[None])[0]
+        image = self.estimator.with_threads(threads)(counts[None])[0]
         record: Record = {
             "run": self.run,
             "input": {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal, cast, overload
 
@@ -14,17 +13,12 @@ import numpy.typing as npt
 from jotlight.estimators.brightness import unit_scale
 from jotlight.evaluation.bright_blocks import bright_fraction
 from jotlight.evaluation.channels import (
-    reconstruct_channels,
     run_color_network,
     without_warnings_of_colors,
 )
 from jotlight.evaluation.choice import (
-    COLOR_NETWORK,
     check_extras,
-    check_fallback,
     check_precision_of,
-    choose_method,
-    named_method,
     takes_blend,
     trials_of,
 )
@@ -39,19 +33,17 @@ from jotlight.evaluation.color_data import (
 )
 from jotlight.evaluation.dark_counts import warn_about_dark_counts
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
-from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import (
     BLEND_METHOD,
     DEFAULT_METHOD,
-    METHODS,
 )
 from jotlight.evaluation.mosaics import EstimatePlanes, reconstruct_mosaic
 from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
 from jotlight.evaluation.request import AnyMethod, Request
+from jotlight.evaluation.run_choice import run_choice
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.merged import is_finer
 from jotlight.sensing.pixel_counts import (
@@ -290,49 +282,23 @@ def _by_method(
 ) -> tuple[Image, Info]:
     """Return the estimate of a network or of one of jotlight's methods, and how it was made."""
     method, precision, threads = request.method, request.precision, request.threads
-    is_network = isinstance(method, AnyNetwork)
-    if is_network:
-        without_fallback = request.fallback and isinstance(method, ColorNetwork)
-        check_extras(request.quality, request.options, fallback=without_fallback)
+    requested = request.name()
     if isinstance(method, ColorNetwork):
         return run_color_network(method, images, sensor, out, threads, precision)
     network = method if isinstance(method, Network) else None
-    requested = None if is_network else named_method(method, request.quality, request.options)
     if requested is None and any(is_finer(each) for each in images.data):
         requested = DEFAULT_METHOD
+        request = dataclasses.replace(request, method=network or requested)
     start = time.perf_counter()
     are_equivalent, trials = not takes_readings(requested, sensor), trials_of(sensor)
     if are_equivalent:
         is_blend = requested is None and takes_blend(sensor, trials)
         by = network or (BLEND_METHOD if is_blend else requested)
         images, sensor = with_one_response(images, sensor, by, threads, keeps_maximum=True)
-    is_color = not request.fallback and takes_channels(images)
-    choice = choose_method(
-        sensor, requested=requested, network=network, is_color=is_color, trials=trials
+    choice = request.choose(sensor, takes_colors=takes_channels(images), trials=trials)
+    # Equivalent counts have different numbers of trials, which only some networks take.
+    estimate, *ending = run_choice(
+        choice, request, images, sensor, out, network=network, is_conditional=are_equivalent
     )
-    choice.check_precision(precision, fallback=request.fallback)
-    history, shares = None, None
-    if request.fallback or choice.method == BLEND_METHOD:
-        check_fallback(sensor, choice.method, choice.quality, network)
-        quality = DEFAULT_SIZE if choice.method == BLEND_METHOD else choice.quality
-        network = network or pretrained_conditional(sensor, str(quality))
-        output = output_of(images, sensor, out)
-        blends, shares = blend(images, sensor, network, threads)
-        estimate = output.finish(blends)
-    elif choice.method == COLOR_NETWORK:
-        estimate = reconstruct_channels(images, sensor, out, threads, precision=precision)
-    elif network is not None or choice.quality is not None:
-        # Equivalent counts have different numbers of trials, which only such networks take.
-        load = pretrained_conditional if are_equivalent else pretrained
-        network = network or load(sensor, str(choice.quality))
-        network = network if precision is None else network.with_precision(precision)
-        estimate = network.reconstruct(images, sensor, out=out, threads=threads)
-    elif METHODS[choice.method].iterative:
-        run: Callable[..., Any] = partial(METHODS[choice.method].run, return_history=True)
-        estimate, history = run(images, sensor, out=out, threads=threads, **request.options)
-    else:
-        estimate = METHODS[choice.method].run(
-            images, sensor, out=out, threads=threads, **request.options
-        )
     seconds = time.perf_counter() - start
-    return estimate, Info(choice.method, choice.title, choice.reason, seconds, history, shares)
+    return estimate, Info(choice.method, choice.title, choice.reason, seconds, *ending)

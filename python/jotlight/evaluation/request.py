@@ -1,10 +1,19 @@
 """What a caller requests of a reconstruction: the method, and its settings."""
 
 import dataclasses
-from typing import Any
+from typing import Any, Self
 
+from jotlight.evaluation.choice import (
+    COLOR_NETWORK,
+    Choice,
+    check_extras,
+    choose_method,
+    named_method,
+)
+from jotlight.evaluation.color_data import check_demosaicing, uses_color_network
 from jotlight.evaluation.own_method import OwnMethod
-from jotlight.networks.color_network import AnyNetwork
+from jotlight.networks.color_network import AnyNetwork, ColorNetwork
+from jotlight.sensing.sensor import Sensor
 
 AnyMethod = str | AnyNetwork | OwnMethod
 """The name of a method, a network, or a function."""
@@ -40,3 +49,87 @@ class Request:
         """
         names = [field.name for field in dataclasses.fields(self) if field.name != "options"]
         return {**{name: getattr(self, name) for name in names}, **self.options}
+
+    def name(self) -> str | None:
+        """Return the name of the requested method. None: the best one, or a network of the caller.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the method, its options, and `quality` do not belong together.
+
+        Examples
+        --------
+        >>> Request(quality="small").name(), Request(options={"weight": 2.0}).name()
+        ('network-small', 'admm-tv')
+        """
+        if not isinstance(self.method, AnyNetwork):
+            return named_method(self.method, self.quality, self.options)
+        is_color = isinstance(self.method, ColorNetwork)
+        check_extras(self.quality, self.options, fallback=self.fallback and is_color)
+        return None
+
+    def choose(
+        self,
+        sensor: Sensor,
+        *,
+        takes_colors: bool,
+        is_range_known: bool = True,
+        trials: float | None = None,
+    ) -> Choice:
+        """Return the method for data of a sensor: the requested one, or the best one.
+
+        Parameters
+        ----------
+        sensor : Sensor
+            The sensor of the data.
+        takes_colors : bool
+            Whether the data have the form that the color network takes
+            (:mod:`jotlight.evaluation.color_data`).
+        is_range_known, trials
+            As of :func:`jotlight.evaluation.choice.choose_method`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the method and its settings do not belong together, or not to the sensor.
+
+        Examples
+        --------
+        >>> mosaic = Sensor(frames=16, mosaic="RGGB")
+        >>> Request().choose(mosaic, takes_colors=True).method
+        'network-color'
+        >>> Request("mle").choose(mosaic, takes_colors=True).method
+        'mle'
+        """
+        requested = self.name()
+        check_demosaicing(self.demosaicing, sensor)
+        is_color = takes_colors and self.is_default
+        if sensor.mosaic is not None:
+            is_color = uses_color_network(sensor, self.demosaicing, is_default=is_color)
+        choice = choose_method(
+            sensor,
+            requested=requested,
+            network=self.method if isinstance(self.method, AnyNetwork) else None,
+            is_range_known=is_range_known,
+            is_color=is_color,
+            trials=trials,
+        )
+        choice.check_precision(self.precision, fallback=self.fallback)
+        return choice
+
+    def of_choice(self, choice: Choice) -> Self:
+        """Return the request that names the method that was chosen for it.
+
+        The color network has no name: it is the default for colors.
+
+        Examples
+        --------
+        >>> request = Request(quality="small")
+        >>> request.of_choice(request.choose(Sensor(frames=16), takes_colors=False)).method
+        'network-small'
+        """
+        if isinstance(self.method, AnyNetwork):
+            return self
+        named = None if choice.method == COLOR_NETWORK else choice.method
+        return dataclasses.replace(self, method=named, quality=None)

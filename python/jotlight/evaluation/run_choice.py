@@ -1,0 +1,88 @@
+"""The estimate of images by the method that was chosen for them."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.evaluation.channels import reconstruct_channels
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_fallback
+from jotlight.evaluation.held_out import blend
+from jotlight.evaluation.methods import BLEND_METHOD, METHODS
+from jotlight.evaluation.request import Request
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional
+from jotlight.sensing.gray_outputs import output_of
+from jotlight.sensing.pixel_counts import GrayImages
+from jotlight.sensing.sensor import Sensor
+
+Image = npt.NDArray[np.float32]
+
+
+class Run(NamedTuple):
+    """The estimate of images, and how its method ended."""
+
+    estimate: Image
+    history: Any = None
+    """The progress of an iterative method."""
+    shares: dict[str, float] | None = None
+    """The mean weight of each method of a blend."""
+
+
+def run_choice(
+    choice: Choice,
+    request: Request,
+    images: GrayImages,
+    sensor: Sensor,
+    out: Image | None,
+    *,
+    network: Network | None = None,
+    is_conditional: bool = False,
+) -> Run:
+    """Return the estimate of images by the method that was chosen for them.
+
+    Parameters
+    ----------
+    choice : Choice
+        The method.
+    request : Request
+        Its settings. Its method and `quality` are not read.
+    images : GrayImages
+        The images, all of which are of a sensor without a mosaic.
+    sensor : Sensor
+        Their sensor.
+    out : ndarray of float32, optional
+        Array for the estimate. Default: a new one.
+    network : Network, optional
+        The network to run, that of the caller or a shipped one. Default: the shipped one of the
+        choice.
+    is_conditional : bool
+        Whether a shipped network must be K-conditioned, because the numbers of trials differ.
+
+    Raises
+    ------
+    ValueError
+        When the method does not serve the sensor.
+    """
+    threads = request.threads
+    if request.fallback or choice.method == BLEND_METHOD:
+        check_fallback(sensor, choice.method, choice.quality, network)
+        quality = DEFAULT_SIZE if choice.method == BLEND_METHOD else choice.quality
+        network = network or pretrained_conditional(sensor, str(quality))
+        output = output_of(images, sensor, out)
+        blends, shares = blend(images, sensor, network, threads)
+        return Run(output.finish(blends), shares=shares)
+    if choice.method == COLOR_NETWORK:
+        return Run(reconstruct_channels(images, sensor, out, threads, precision=request.precision))
+    if network is not None or choice.quality is not None:
+        load = pretrained_conditional if is_conditional else pretrained
+        network = network or load(sensor, str(choice.quality))
+        network = network.with_precision(request.precision) if request.precision else network
+        return Run(network.reconstruct(images, sensor, out=out, threads=threads))
+    method = METHODS[choice.method]
+    run: Callable[..., Any] = partial(method.run, out=out, threads=threads, **request.options)
+    if method.iterative:
+        return Run(*run(images, sensor, return_history=True))
+    return Run(run(images, sensor))

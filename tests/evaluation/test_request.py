@@ -1,0 +1,71 @@
+"""A request chooses the method for some data, in Python, in runs, and on the command line alike."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.dask.estimator import choose_estimator
+from jotlight.evaluation.request import Request
+
+GRAY = jl.Sensor(frames=16)
+MOSAIC = jl.Sensor(frames=16, mosaic="RGGB")
+NETWORK = jl.pretrained(GRAY, "two-layer")
+
+
+@pytest.mark.parametrize(
+    ("settings", "sensor", "takes_colors", "expected"),
+    [
+        ({}, GRAY, False, "network-medium"),
+        ({}, GRAY, True, "network-color"),
+        ({}, MOSAIC, True, "network-color"),
+        ({}, MOSAIC, False, "network-medium"),
+        ({"demosaicing": "differences"}, MOSAIC, True, "network-medium"),
+        ({}, MOSAIC.replace(frames=2000), True, "held-out"),
+        ({}, GRAY.replace(frames=2000), True, "held-out"),
+        ({"fallback": True}, GRAY, True, "network-medium"),
+        ({"quality": "small"}, MOSAIC, True, "network-small"),
+        ({"options": {"weight": 2.0}}, GRAY, True, "admm-tv"),
+        ({"method": NETWORK}, GRAY, True, "network"),
+    ],
+    ids=str,
+)
+def test_the_method_of_a_request(settings, sensor, takes_colors, expected):
+    request = Request(**settings)
+    choice = request.choose(sensor, takes_colors=takes_colors)
+    assert choice.method == expected
+    assert choice.is_requested == (expected in ("network-small", "admm-tv", "network"))
+    named = request.of_choice(choice)
+    assert named.quality is None
+    again = named.choose(sensor, takes_colors=takes_colors)
+    assert (again.method, again.quality) == (choice.method, choice.quality)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"method": "mle", "quality": "small"}, "quality: selects a shipped network"),
+        ({"method": NETWORK, "quality": "small"}, "quality: is not an option of a network"),
+        ({"demosaicing": "menon"}, "demosaicing: is for a sensor with a mosaic"),
+        ({"method": "mle", "precision": "bf16"}, "precision: expected f32 for mle"),
+    ],
+    ids=str,
+)
+def test_settings_that_do_not_belong_together_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        Request(**settings).choose(GRAY, takes_colors=False)
+
+
+def test_the_demosaicing_by_the_color_network_needs_data_that_it_takes():
+    with pytest.raises(ValueError, match='demosaicing: "network" estimates colors from the bits'):
+        Request(demosaicing="network").choose(MOSAIC, takes_colors=False)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("settings", [{}, {"method": "mle"}, {"quality": "two-layer"}], ids=str)
+def test_reconstruct_and_runs_choose_the_same_method(channels, settings):
+    shape = (8, 8) if channels == 1 else (8, 8, channels)
+    axis = None if channels == 1 else -1
+    counts = np.random.default_rng(0).integers(0, 17, shape)
+    _, info = jl.reconstruct(counts, GRAY, channel_axis=axis, return_info=True, **settings)
+    choice = choose_estimator(GRAY, **settings, channels=channels).choice
+    assert (info.method, info.reason) == (choice.method, choice.reason)
