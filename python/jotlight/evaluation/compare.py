@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from jotlight.checks import as_image
 from jotlight.errors import counted
-from jotlight.evaluation.choice import COLOR_NETWORK, TITLES, choose_method
+from jotlight.evaluation.choice import COLOR_NETWORK, TITLES
 from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.evaluation.reconstruct import reconstruct
-from jotlight.evaluation.request import AnyMethod
+from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.evaluation.run_methods import MethodResult, compare_methods, select_methods
 from jotlight.layout import Layout
 from jotlight.networks.color_network import AnyNetwork
@@ -174,7 +174,7 @@ def default_methods(sensor: Sensor, *, is_color: bool) -> dict[str, str | None]:
     True
     """
     methods: dict[str, str | None] = {METHODS[name].title: name for name in select_methods(sensor)}
-    if is_color and choose_method(sensor, is_color=True).method == COLOR_NETWORK:
+    if Request().choose(sensor, takes_colors=is_color).method == COLOR_NETWORK:
         methods[TITLES[COLOR_NETWORK]] = None
     return methods
 

@@ -9,10 +9,11 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice
 from jotlight.evaluation.clipping import clipping_of, with_clipping_of
 from jotlight.evaluation.methods import MAX_NETWORK_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.request import Request
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
@@ -83,10 +84,9 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
         When the method does not serve the sensor.
     """
     sensor = viewed.sensor(number)
-    if method != COLOR_NETWORK:
-        return choose_method(sensor, requested=method, is_range_known=viewed.is_range_known)
-    choice = recommend(viewed, number)
-    if choice.method != COLOR_NETWORK:
+    is_color = method == COLOR_NETWORK  # which is the default for colors, and has no name
+    choice = recommend(viewed, number, None if is_color else method)
+    if is_color and choice.method != COLOR_NETWORK:
         raise ValueError(
             f"method: the color network takes three colors with up to {MAX_NETWORK_TRIALS:,} "
             f"trials per pixel, got {sensor.trials:,} trials and images of shape {viewed.shape}; "
@@ -95,11 +95,13 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
     return choice
 
 
-def recommend(viewed: Viewable, number: int) -> Choice:
+def recommend(viewed: Viewable, number: int, method: str | None = None) -> Choice:
     """Return the choice that :func:`jotlight.reconstruct` makes for a window of frames."""
     sensor = viewed.sensor(number)
-    is_color = sensor.mosaic is not None or viewed.shape[2:] == (COLORS,)
-    return choose_method(sensor, is_range_known=viewed.is_range_known, is_color=is_color)
+    takes_colors = sensor.mosaic is not None or viewed.shape[2:] == (COLORS,)
+    return Request(method).choose(
+        sensor, takes_colors=takes_colors, is_range_known=viewed.is_range_known
+    )
 
 
 def fraction_estimate(viewed: Viewable, counts: Counts, number: int) -> Estimate:
