@@ -6,6 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.dask.estimator import choose_estimator
 from jotlight.evaluation.request import Request
+from jotlight.networks.pretrained import MOSAIC_FILE, pretrained_color
 
 GRAY = jl.Sensor(frames=16)
 MOSAIC = jl.Sensor(frames=16, mosaic="RGGB")
@@ -58,6 +59,17 @@ def test_settings_that_do_not_belong_together_are_refused(settings, message):
 def test_the_demosaicing_by_the_color_network_needs_data_that_it_takes():
     with pytest.raises(ValueError, match='demosaicing: "network" estimates colors from the bits'):
         Request(demosaicing="network").choose(MOSAIC, takes_colors=False)
+
+
+def test_a_color_network_of_the_caller_is_the_network_of_the_demosaicing():
+    own = Request(pretrained_color(MOSAIC_FILE), demosaicing="network")
+    assert own.choose(MOSAIC, takes_colors=True).method == "network"
+
+
+def test_the_settings_of_a_record_are_those_that_were_set():
+    settings = Request("mle", "small", fallback=True, options={"tol": 0.1}, threads=2).settings()
+    assert settings == {"tol": 0.1, "fallback": True}
+    assert Request().settings() == {}
 
 
 @pytest.mark.parametrize("channels", [1, 3])

@@ -23,7 +23,6 @@ from jotlight.dask.jobs import (
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.evaluation.records import maps_sha256
-from jotlight.evaluation.request import Request
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
 from jotlight.networks.color_network import ColorNetwork
@@ -177,28 +176,26 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
             f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
             "which counts are not enough; reconstruct each capture by itself, as a whole"
         )
-    settings = dict(job.settings)
-    names = ("demosaicing", "precision", "fallback")
-    named = {name: settings.pop(name) for name in names if name in settings}
-    request = Request(network, options=settings, threads=1, **named)
+    request = dataclasses.replace(job.request, method=network, threads=1)
     return checked(Estimator(sensor, request, job.choice))
 
 
 def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
     """Return the network of the user, or None."""
-    if isinstance(job.method, ColorNetwork):
+    method = job.request.method
+    if isinstance(method, ColorNetwork):
         raise ValueError(
             f"{inputs.method.model}: a color network reconstructs each capture by itself, as "
             "a whole; leave out --model for the pretrained one"
         )
-    return None if inputs.method.model is None or isinstance(job.method, str) else job.method
+    return None if inputs.method.model is None or not isinstance(method, Network) else method
 
 
 def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> dict[str, Any]:
     sensor, calibration = estimator.sensor, job.calibration
     return {
         "method": estimator.choice.method,
-        "options": job.settings,
+        "options": job.request.settings(),
         "weights_sha256": estimator.weights(inputs.method.model),
         "sensor": sensor.scalars(),
         "maps_sha256": maps_sha256(sensor),

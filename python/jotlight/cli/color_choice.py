@@ -1,10 +1,11 @@
 """Which captures the color network estimates, and how mosaics become colors."""
 
-from typing import Any
+import dataclasses
 
 from jotlight.cli.captured import Captured
 from jotlight.estimators.demosaicing import COLORS, TITLES
 from jotlight.evaluation.color_data import takes_mosaic
+from jotlight.evaluation.request import Request
 from jotlight.sensing.bits import Bits
 
 
@@ -27,19 +28,18 @@ def _frame_shape(captured: Captured) -> tuple[int, ...]:
     return data.shape[1:] if isinstance(data, Bits) else data[0].shape
 
 
-def refuse_demosaicing(settings: dict[str, Any]) -> None:
-    """Raise ValueError if the options of a method state how planes become colors.
+def refuse_demosaicing(request: Request) -> None:
+    """Raise ValueError if a request states how planes become colors.
 
     Merged counts have no planes.
     """
-    demosaicing = settings.get("demosaicing")
-    if demosaicing in TITLES:
+    if request.demosaicing in TITLES:
         raise ValueError(
-            f"demosaicing: {demosaicing} combines planes of pixels that see one color each, but "
-            "along the motion each pixel is seen through all filters; leave it out"
+            f"demosaicing: {request.demosaicing} combines planes of pixels that see one color "
+            "each, but along the motion each pixel is seen through all filters; leave it out"
         )
 
 
-def without_demosaicing(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return the options of a method for merged counts, for which "network" is the default."""
-    return {name: value for name, value in settings.items() if name != "demosaicing"}
+def without_demosaicing(request: Request) -> Request:
+    """Return the request for merged counts, for which "network" is the default."""
+    return dataclasses.replace(request, demosaicing=None)

@@ -90,7 +90,7 @@ def film(
 
 def _by_film_network(job: Reconstruction) -> Reconstruction:
     """Return a reconstruction whose title is that of the film network."""
-    if job.choice.is_requested or job.settings.keys() - {"precision"}:
+    if job.choice.is_requested or job.request.settings().keys() - {"precision"}:
         raise ValueError(
             "recurrent: the film network is a method of its own; leave out --method, --quality, "
             "--model, and their options"
@@ -169,7 +169,7 @@ def _images(
         return
     estimates = None
     if motion.recurrent:
-        network = pretrained_film().with_precision(job.settings.get("precision", F32))
+        network = pretrained_film().with_precision(job.request.precision or F32)
         estimates = FilmEstimates(network, threads=threads)
     for image in merge_windows(
         data,
@@ -186,10 +186,10 @@ def _images(
         if estimates is not None:
             yield estimates.add(image)
             continue
-        settings = (
-            without_demosaicing(job.settings) if isinstance(image.data, Merged) else job.settings
-        )
-        yield reconstruct(image.data, method=job.method, threads=threads, **settings)
+        request = job.request.with_threads(threads)
+        if isinstance(image.data, Merged):
+            request = without_demosaicing(request)
+        yield reconstruct(image.data, **request.arguments())
 
 
 def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
@@ -208,9 +208,7 @@ def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
     image: Image = reconstruct(
         pixels,
         sensor,
-        method=job.method,
         channel_axis=last_channel_axis(pixels),
-        threads=threads,
-        **job.settings,
+        **job.request.with_threads(threads).arguments(),
     )
     return image

@@ -105,7 +105,7 @@ def film_lines(
     )
     if unused:
         line += f"; {_amount(data, unused, each)} at the end {lie} in no window"
-    return [line, *summary.motion_lines(job.settings.get("demosaicing"))]
+    return [line, *summary.motion_lines(job.request.demosaicing)]
 
 
 def _amount(data: Capture, number: int, each: int) -> str:

@@ -14,12 +14,11 @@ from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import MotionOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
-from jotlight.evaluation.color_data import BY_COLOR_NETWORK
+from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.methods import DEFAULT_METHOD
+from jotlight.evaluation.request import Request
 from jotlight.formats.capture import Capture
 from jotlight.networks.color_network import AnyNetwork
-from jotlight.networks.loading import load_image_network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
 
@@ -32,10 +31,8 @@ class Reconstruction:
     captured: Captured
     """The capture, whose sensor has the frames of one image."""
     choice: Choice
-    method: str | AnyNetwork | None
-    """The name of the method, or the network. None: the color network."""
-    settings: dict[str, Any]
-    """Keyword arguments of the method."""
+    request: Request
+    """The name of the method, or the network, and its settings. No name: the color network."""
     calibration: AppliedCalibration | None
     white: float | None
     """Largest intensity, if the capture or the user states it."""
@@ -106,13 +103,10 @@ class Inputs:
 
         With `may_be_color`, the method may be the color network.
         """
-        request = self.method.request()
-        if self.motion.factor > 1:
-            request = request or DEFAULT_METHOD
-        may_be_color &= (
-            self.method.demosaicing in (None, BY_COLOR_NETWORK) and not self.method.fallback
-        )
-        network = None if self.method.model is None else load_image_network(self.method.model)
+        request = self.method.to_request()
+        if self.motion.factor > 1 and request.method is None:
+            request = dataclasses.replace(request, method=DEFAULT_METHOD)
+        network = request.method if isinstance(request.method, AnyNetwork) else None
         sensor_kwargs = self.sensor.to_kwargs()
         calibration = None
         if self.sensor.calibration is not None:
@@ -123,32 +117,28 @@ class Inputs:
         if window is not None:
             captured = self._of_window(captured, window, step)
         is_range_known = captured.has_own_sensor or self.sensor.max_intensity is not None
-        choice = choose_method(
+        # A merged image may have no mosaic.
+        asked = request if may_be_color else dataclasses.replace(request, demosaicing=None)
+        choice = asked.choose(
             captured.sensor,
-            requested=request,
-            network=network,
+            takes_colors=may_be_color and takes_capture(captured),
             is_range_known=is_range_known,
-            is_color=may_be_color and takes_capture(captured),
         )
-        choice.check_precision(self.method.precision, fallback=self.method.fallback)
         if self.motion.factor > 1 and choice.quality is None and network is None:
             raise ValueError(
                 f"upsample: expected a network, but the method is {choice.method}; leave it out"
             )
+        request = request.of_choice(choice)
         if choice.quality is not None and captured.sensor.mosaic is None:
             network = pretrained(captured.sensor, choice.quality)
+            request = dataclasses.replace(request, method=network)
         captured = _with_max_intensity(captured, choice.max_intensity)
-        # The color network is the default for colors, and has no name.
-        named = None if choice.method == COLOR_NETWORK else choice.method
-        method = named if network is None else network
-        settings = self.method.settings()
         white = choice.max_intensity if is_range_known else None
         return Reconstruction(
             path=self.path,
             captured=captured,
             choice=choice,
-            method=method,
-            settings=settings,
+            request=request,
             calibration=calibration,
             white=white,
             model=self.method.model,

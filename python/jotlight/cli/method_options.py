@@ -18,6 +18,8 @@ from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     MAX_NETWORK_TRIALS,
 )
+from jotlight.evaluation.request import Request
+from jotlight.networks.loading import load_image_network
 
 
 @Parameter(name="*")
@@ -88,23 +90,19 @@ class MethodOptions:
         ),
     ] = None
 
-    def settings(self) -> dict[str, Any]:
-        """Return the keyword arguments of `jotlight.reconstruct` that the user set."""
-        settings = self._options() | ({"fallback": True} if self.fallback else {})
-        named = {"demosaicing": self.demosaicing, "precision": self.precision}
-        return settings | {name: value for name, value in named.items() if value is not None}
-
     def _options(self) -> dict[str, Any]:
         """Return the options of the method that the user set."""
         names = ("inverse", "weight", "norm", "tol", "max_iter")
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
 
-    def request(self) -> str | None:
-        """Return the method that the user requests, by name or by an option.
+    def to_request(self) -> Request:
+        """Return what the user requests: a method, by name or by an option, or a loaded network.
 
         Raises
         ------
+        OSError
+            When the file of the network cannot be read.
         ValueError
             For an unknown method, or options that do not belong together.
         """
@@ -115,12 +113,19 @@ class MethodOptions:
             )
         check_demosaicing(self.demosaicing)
         method = one_method(self.method, self.quality, self.model)
-        options = list(self._options())
-        if self.model is None:
-            return requested_method(method, options)
-        if options:
-            raise ValueError(f"{options[0]}: is not an option of a network; leave out --model")
-        return None
+        options = self._options()
+        if self.model is not None and options:
+            raise ValueError(
+                f"{next(iter(options))}: is not an option of a network; leave out --model"
+            )
+        network = None if self.model is None else load_image_network(self.model)
+        return Request(
+            requested_method(method, options) if network is None else network,
+            demosaicing=self.demosaicing,
+            precision=self.precision,
+            fallback=self.fallback,
+            options=options,
+        )
 
 
 def one_method(method: str | None, quality: str | None, model: Path | None) -> str | None:

@@ -60,7 +60,7 @@ def reconstruct(
     if outputs.uncertainty is not None:
         # After an alignment, the data may have no mosaic.
         seen = job.captured.sensor
-        check_errors_known(job.method, without_mosaic(seen) if motion.motion else seen)
+        check_errors_known(job.request.method, without_mosaic(seen) if motion.motion else seen)
     reconstruct_image(job, outputs, motion, threads)
     caution_about_jots(job.captured, threads)
     if not motion.motion:
@@ -106,7 +106,7 @@ def _reconstruct_many(
 
     find_captures(data, run.storage_options())  # an error for a glob that matches nothing
     _refuse_options_of_images(outputs, motion, run)
-    method.request()  # an error for an unknown method, before captures are opened
+    method.to_request()  # an error for an unknown method, before captures are opened
     sensors: dict[Sensor, Sensor] = {}
 
     def make_job(target: Target, bits: Bits, source: CaptureSource) -> tuple[Job, list[str]]:

@@ -21,9 +21,8 @@ from jotlight.cli.records import Records, origin_of
 from jotlight.errors import counted
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.convergence import ConvergenceHistories
-from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.choice import COLOR_NETWORK, choose_method
+from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.clipping import with_clipping_of
 from jotlight.evaluation.color_data import takes_channels
 from jotlight.evaluation.info import Info
@@ -71,7 +70,7 @@ def reconstruct_image(
             merged, path = motion.align(captured, threads)
             job = _with_colors(job, merged)
             if outputs.uncertainty is not None and merged is None:
-                check_errors_known(job.method, captured.sensor)
+                check_errors_known(job.request.method, captured.sensor)
             aligned = motion.facts_of(path)
         if merged is None:
             job = dataclasses.replace(job, captured=job.captured.with_sum_provenance())
@@ -119,43 +118,40 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
     `merged` is None for a scene that stands still behind a mosaic. Requested methods stay.
     """
     if merged is not None:
-        refuse_demosaicing(job.settings)
-    demosaicing = job.settings.get("demosaicing")
-    others = job.settings.keys() - {"demosaicing", "precision"}
-    is_default = demosaicing not in DEMOSAICING and not others
-    if job.choice.is_requested or not is_default:
+        refuse_demosaicing(job.request)
+    if job.choice.is_requested:
         return job
+    request = dataclasses.replace(job.request, method=None)
     if merged is None:
         takes = takes_capture(job.captured)
     else:
-        takes = takes_channels(gray_images(merged))
-    choice = choose_method(job.captured.sensor, is_color=takes)
+        request, takes = without_demosaicing(request), takes_channels(gray_images(merged))
+    choice = request.choose(job.captured.sensor, takes_colors=takes)
     if choice.method != COLOR_NETWORK:
         return job
     own = {name: getattr(job.choice, name) for name in ("max_intensity", "notes")}
-    return dataclasses.replace(job, choice=dataclasses.replace(choice, **own), method=None)
+    return dataclasses.replace(job, choice=dataclasses.replace(choice, **own), request=request)
 
 
 def _estimate(
     job: Reconstruction, data: Data, threads: int | None
 ) -> tuple[npt.NDArray[np.float32], str]:
     """Return the estimate of an image, and how the iterations ended or what was blended."""
-    title, settings = job.choice.title, job.settings
+    title, request = job.choice.title, job.request.with_threads(threads)
     if isinstance(data, Merged):
-        settings = without_demosaicing(settings)
+        request = without_demosaicing(request)
 
     def run(**others: Any) -> tuple[npt.NDArray[np.float32], Info]:
         return reconstruct(
             data,
             _sensor_of(job, data),
-            method=job.method,
             channel_axis=last_channel_axis(data),
-            threads=threads,
             return_info=True,
-            **{**settings, **others},
+            **request.arguments(),
+            **others,
         )
 
-    if isinstance(job.method, str) and METHODS[job.method].iterative:
+    if isinstance(request.method, str) and METHODS[request.method].iterative:
         with live_iterations(title) as callback:
             estimate, info = run(callback=callback)
         assert info.history is not None, "the progress of an iterative method"
@@ -178,12 +174,12 @@ def _uncertainty(
     threads: int | None,
 ) -> Uncertainty:
     """Return the uncertainty of the estimate of an image."""
-    settings = without_demosaicing(job.settings) if isinstance(data, Merged) else job.settings
+    request = without_demosaicing(job.request) if isinstance(data, Merged) else job.request
     return uncertainty(
         data,
         _sensor_of(job, data),
-        method=job.method,
-        demosaicing=settings.get("demosaicing"),
+        method=request.method,
+        demosaicing=request.demosaicing,
         estimate=estimate,
         channel_axis=last_channel_axis(data),
         confidence_level=outputs.coverage,

@@ -106,11 +106,11 @@ def origin_of(
             choice.method,
             choice.quality,
             model=job.model,
-            is_conditional="fallback" in job.settings,
+            is_conditional=job.request.fallback,
         ),
         "calibration_sha256": calibration and calibration.sha256,
         "maps_sha256": maps_sha256(job.captured.sensor),
         "hot_jots": job.captured.hot_jots,
-        "options": job.settings,
+        "options": job.request.settings(),
         "motion": motion,
     }

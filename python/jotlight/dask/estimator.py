@@ -40,8 +40,7 @@ class Estimator:
 
     def with_threads(self, threads: int | None) -> Self:
         """Return the estimator for a number of threads, on which the estimate does not depend."""
-        request = dataclasses.replace(self.request, threads=threads)
-        return dataclasses.replace(self, request=request)
+        return dataclasses.replace(self, request=self.request.with_threads(threads))
 
     @property
     def is_color(self) -> bool:

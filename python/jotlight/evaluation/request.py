@@ -39,6 +39,22 @@ class Request:
             self.method is None and self.quality is None and not self.fallback and not self.options
         )
 
+    def with_threads(self, threads: int | None) -> Self:
+        """Return the same request for a number of threads."""
+        return dataclasses.replace(self, threads=threads)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the settings that are not the defaults, without the method, its size, and threads.
+
+        Examples
+        --------
+        >>> Request("admm-tv", precision="f32", options={"weight": 2.0}).settings()
+        {'weight': 2.0, 'precision': 'f32'}
+        """
+        names = ("fallback", "demosaicing", "precision")
+        named = {name: getattr(self, name) for name in names if getattr(self, name)}
+        return {**self.options, **named}
+
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of :func:`jotlight.reconstruct`.
 
@@ -103,14 +119,15 @@ class Request:
         'mle'
         """
         requested = self.name()
+        network = self.method if isinstance(self.method, AnyNetwork) else None
         check_demosaicing(self.demosaicing, sensor)
         is_color = takes_colors and self.is_default
-        if sensor.mosaic is not None:
+        if sensor.mosaic is not None and not isinstance(network, ColorNetwork):
             is_color = uses_color_network(sensor, self.demosaicing, is_default=is_color)
         choice = choose_method(
             sensor,
             requested=requested,
-            network=self.method if isinstance(self.method, AnyNetwork) else None,
+            network=network,
             is_range_known=is_range_known,
             is_color=is_color,
             trials=trials,
