@@ -36,7 +36,7 @@ class Estimator:
     request: Request
     """What the caller requests, with the network of the caller, if there is one."""
     choice: Choice
-    """The method. Each process reads a shipped network from its own installation."""
+    """The method. Each process reads a pretrained network from its own installation."""
 
     def with_threads(self, threads: int | None) -> Self:
         """Return the estimator for a number of threads, on which the estimate does not depend."""
@@ -65,7 +65,7 @@ class Estimator:
         """Return the network to run, if it is that of the caller or has a size."""
         if (quality := self.choice.quality) is None:
             return self.own_network
-        return _shipped(self.sensor, quality, is_conditional=self.request.fallback)
+        return _pretrained(self.sensor, quality, is_conditional=self.request.fallback)
 
     def weights(self, model: Path | None = None) -> str | list[str] | None:
         """Return the SHA-256 of the files of weights, as :func:`weights_sha256` does.
@@ -156,7 +156,7 @@ class Estimator:
 
 
 @functools.lru_cache(_KEPT)
-def _shipped(sensor: Sensor, quality: str, *, is_conditional: bool) -> Network:
+def _pretrained(sensor: Sensor, quality: str, *, is_conditional: bool) -> Network:
     return (pretrained_conditional if is_conditional else pretrained)(sensor, quality)
 
 
@@ -201,7 +201,7 @@ def choose_estimator(
     if not isinstance(method, str | Network | None):
         raise TypeError(
             "method: expected the name of a method, or a network for gray images, got "
-            f"{method!r}; the shipped color network is the default for colors"
+            f"{method!r}; the pretrained color network is the default for colors"
         )
     request = Request(method, quality, demosaicing, precision, fallback, options, threads=1)
     choice = request.choose(sensor, takes_colors=sensor.mosaic is not None or channels == COLORS)

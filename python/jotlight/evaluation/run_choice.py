@@ -56,10 +56,9 @@ def run_choice(
     out : ndarray of float32, optional
         Array for the estimate. Default: a new one.
     network : Network, optional
-        The network to run, that of the caller or a shipped one. Default: the shipped one of the
-        choice.
+        The network to run, that of the caller or a pretrained one. Default: that of the choice.
     is_conditional : bool
-        Whether a shipped network must be K-conditioned, because the numbers of trials differ.
+        Whether a pretrained network must be K-conditioned, because the numbers of trials differ.
 
     Raises
     ------

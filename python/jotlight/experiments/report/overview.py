@@ -54,9 +54,9 @@ def overview_section(results: Mapping[str, Results], date: str) -> Section | Non
         "serves this sensor and differs from the others: for the box kernel, iterative maximum "
         "likelihood equals maximum likelihood, and the best blend on held-out bits is for more "
         f"than {MAX_NETWORK_TRIALS:,} trials per pixel. A dash instead of a time means that the "
-        "run that measured the times did not include the method. Rows *changed since* are of methods that "
-        "changed after the measurement, as the top of the page states. [Their present quality]"
-        "(networks.md#quality) is on another page.",
+        "run that measured the times did not include the method. Rows *changed since* are of "
+        "methods that changed after the measurement, as the top of the page states. [Their present "
+        "quality](networks.md#quality) is on another page.",
         tables=[Table("Quality and time", columns, rows)],
         curves=[Curves("overview", "PSNR against time per image", render_svg([axes]))],
     )
