@@ -63,7 +63,7 @@ def test_the_range_of_a_known_sensor_is_used(run):
     status, output = run("reconstruct", "known.npy", "-o", "out.npy")
     assert status == 0
     assert "by network, medium in" in output
-    assert output.count("of the scene is brighter than the largest intensity, 1, which") == 1
+    assert output.count("pixels are brighter than the largest intensity, 1, which") == 1
     assert np.load("out.npy").max() <= 1
 
 

@@ -135,7 +135,7 @@ def test_a_finer_grid(run, moving, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*of the scene is brighter than the largest intensity")
+@pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 def test_counts_are_aligned(run, moving, tmp_path):
     counts = moving.to_array().reshape(24, 2, 48, 64).sum(axis=1).astype(np.uint16)
     stack = CountStack(counts, Provenance("npy", "counts"), trials=2)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import maximize, regular_maximum, solve_expected_total
 from jotlight.estimators.pixel_kinds import PixelKind, find_kinds
-from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.estimators.uncertainty import Uncertainty, is_above
 from jotlight.sensing.binomial import clopper_pearson
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.pixel_counts import GrayImages
@@ -101,7 +101,7 @@ def _uncertainty(joint: JointLikelihood, confidence_level: float) -> Uncertainty
         low=low.astype(np.float32)[None],
         high=high.astype(np.float32)[None],
         unlit=((low <= 0) & ~dead)[None],
-        saturated=saturated[None],
+        saturated=(saturated | is_above(low, joint.sensor.max_intensity))[None],
         dead=dead[None],
         unlikely=np.zeros_like(dead)[None],
         confidence_level=confidence_level,

@@ -58,11 +58,16 @@ class Uncertainty:
     low : ndarray of float32
         The lower end of the confidence interval, in the same units.
     high : ndarray of float32
-        The upper end of the confidence interval; S where the data do not bound it.
+        The upper end of the confidence interval; S where the data do not bound it, or only beyond
+        S.
     unlit : ndarray of bool
         Whether dark counts alone explain the ones, so that the interval includes 0.
     saturated : ndarray of bool
-        Whether all valid bits are 1, so that the data do not bound the intensity from above.
+        Whether `high` says nothing about the intensity: all valid bits are 1, so that the data do
+        not bound it from above, or the pixel is brighter than S. For maximum likelihood, this is
+        where all intensities of the interval are S or more, before they are limited to S. For other
+        methods, it is where the bits of the pixel, or of a block of 8 x 8 pixels, show it beyond
+        doubt.
     dead : ndarray of bool
         Whether the pixel has no valid bit.
     unlikely : ndarray of bool
@@ -186,7 +191,8 @@ def exact_uncertainty(
     The interval is that of Clopper and Pearson for the probability p that a bit is 1. The monotone
     response P(q, η s + d) maps it to intensities, and it is clipped to [0, S]. Its coverage is at
     least `confidence_level` for any number of bits and any true intensity in [0, S]. It is well
-    above that near 0, near saturation, and with few bits. Where the jots of one pixel differ, p
+    above that near 0, near saturation, and with few bits. Where the whole interval is above S, both
+    ends are S, and the pixel is marked as saturated. Where the jots of one pixel differ, p
     is their mean. The sum of unequal bits varies less than a binomial count (Hoeffding 1956), so
     the coverage holds and the interval is somewhat wider than necessary. The estimate then depends
     on which jots reported 1, and the interval is extended to include it. This case requires bits,
@@ -226,11 +232,22 @@ def _uncertainty(
         low=low.astype(np.float32),
         high=high.astype(np.float32),
         unlit=(low <= 0) & ~dead,
-        saturated=saturated,
+        saturated=saturated | is_above(low, max_intensity),
         dead=dead,
         unlikely=np.zeros_like(dead),
         confidence_level=confidence_level,
     )
+
+
+def is_above(low: Array, max_intensity: float) -> npt.NDArray[np.bool_]:
+    """Return where a whole interval is above S, so that its limited lower end is S.
+
+    Examples
+    --------
+    >>> is_above(np.array([0.5, 0.999, 1 - 1e-9]), 1.0)  # the last one is S with rounding errors
+    array([False, False,  True])
+    """
+    return np.asarray(low.astype(np.float32) >= np.float32(max_intensity))
 
 
 def _regular_light(

@@ -9,7 +9,7 @@ In reading order:
 - ``reconstruct``: an image by the recommended method, or by another one. ``request``: the method
   and its settings. ``run_choice`` runs the chosen method. ``info``: how an image was made.
   ``channels``, ``mosaics``, ``different_readings``: data other than gray plain bits. ``clipping``
-  with ``bright_blocks``, and ``dark_counts``, warn about a largest intensity, and dark counts, that
+  with ``bright_pixels``, and ``dark_counts``, warn about a largest intensity, and dark counts, that
   the data contradict. ``first_frames``: the data that they compare.
   ``weights``: the files of the networks behind a result. ``records``: what it was made of.
 - ``uncertainty``: an interval for each pixel. ``intervals``, ``interval_pixels``, and

@@ -17,13 +17,10 @@ from jotlight.sensing.sensor import Sensor
 _PIXELS_AT_ONCE = 1 << 18
 """Number of pixels that are compared in one call of NumPy."""
 
-_MAX_BRIGHT = 0.05
-"""Fraction of the scene that may be brighter than the largest intensity, such as a few lights."""
-
 _MAX_CLIPPED = 0.9
 """Fraction of values that may be clipped where the data do not show which of them are too dark."""
 
-_BRIGHTER = "of the scene is brighter than the largest intensity"
+_BRIGHTER = "brighter than the largest intensity"
 
 _NEAR_LARGEST = 0.98
 """Fraction of the largest intensity of a network above which an estimate counts as clipped."""
@@ -48,10 +45,10 @@ def largest_colors(sensor: Sensor) -> npt.NDArray[np.float32]:
 def warn_about_clipping(
     values: npt.NDArray[np.float32],
     sensor: Sensor,
-    bright: Callable[[], float | None],
+    bright: Callable[[], npt.NDArray[np.bool_] | None],
     data: Iterable[object] = (),
 ) -> None:
-    """Warn if much of the scene is brighter than the largest intensity, which clips its estimate.
+    """Warn if a pixel is brighter than the largest intensity, which clips its estimate.
 
     Parameters
     ----------
@@ -60,9 +57,9 @@ def warn_about_clipping(
     sensor : Sensor
         The sensor of the data.
     bright : callable
-        A function that returns which fraction of the scene the data show to be brighter, or None
-        if they do not show it. Then 90 % of the values must be clipped. The function is called only
-        if more than 5 % are.
+        A function that returns which pixels the data show to be brighter
+        (:mod:`jotlight.evaluation.bright_pixels`), or None if they do not show it. Then 90 % of the
+        values must be clipped. The function is called only if a value is.
     data : iterable
         The data. Equivalent counts among them are not valid beyond an intensity, and do not say
         whether their readings are saturated.
@@ -73,14 +70,15 @@ def warn_about_clipping(
     if saturation <= sensor.max_intensity and not must_merge:
         return
     # In parts: new memory for a large image takes longer than the comparison.
-    number = max(1, _PIXELS_AT_ONCE * len(values) // values.size)
-    parts = (values[start : start + number] for start in range(0, len(values), number))
-    clipped = sum(np.count_nonzero(part >= highest) for part in parts) / values.size
-    if clipped <= _MAX_BRIGHT:
+    step = max(1, _PIXELS_AT_ONCE * len(values) // values.size)
+    parts = (values[start : start + step] for start in range(0, len(values), step))
+    clipped = sum(np.count_nonzero(part >= highest) for part in parts)
+    if not clipped:
         return
-    known = bright()
-    fraction, limit = (clipped, _MAX_CLIPPED) if known is None else (known, _MAX_BRIGHT)
-    if fraction <= limit:
+    number, size = clipped, values.size
+    if (known := bright()) is not None:
+        number, size = np.count_nonzero(known), known.size
+    if not number or (known is None and clipped <= _MAX_CLIPPED * size):
         return
     balance = " times the white balance" if np.any(highest != sensor.max_intensity) else ""
     advice = (
@@ -91,8 +89,8 @@ def warn_about_clipping(
         f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be brighter"
     )
     warn(
-        f"{fraction:.0%} {_BRIGHTER}, {sensor.max_intensity:g}{balance}, which clips its estimate"
-        f"{advice}"
+        f"{number:,} of {size:,} pixels {'is' if number == 1 else 'are'} {_BRIGHTER}, "
+        f"{sensor.max_intensity:g}{balance}, which clips the estimate{advice}"
     )
 
 

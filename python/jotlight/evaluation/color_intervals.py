@@ -14,6 +14,7 @@ import numpy.typing as npt
 from jotlight.errors import hide_warnings
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.evaluation.bright_pixels import bright_behind_mosaic
 from jotlight.evaluation.error_scale import (
     COLOR_FILE,
     ErrorModel,
@@ -327,4 +328,6 @@ def mosaic_uncertainty(
             each, own_colors, is_own=is_own, confidence_level=confidence_level
         )
     found = Uncertainty.arrange(results, Layout((*images.layout.shape, 3), -1))
-    return found.scaled(mosaic.white_balance)
+    bright = bright_behind_mosaic([each.counted for each in pixels], mosaic)
+    saturated = found.saturated | images.layout.arrange(bright)[..., None]
+    return dataclasses.replace(found, saturated=saturated).scaled(mosaic.white_balance)

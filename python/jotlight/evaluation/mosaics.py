@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
 from jotlight.estimators.merge_near import Merging
-from jotlight.evaluation.bright_blocks import bright_fraction_of_mosaic
+from jotlight.evaluation.bright_pixels import bright_behind_mosaic
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     OWN_NETWORK,
@@ -119,7 +119,7 @@ def reconstruct_mosaic(
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
     if estimate is None or isinstance(estimate, ColorNetwork):
         colors, info = _by_color_network(counted, mosaic, gray, estimate, precision, threads)
-        bright = partial(bright_fraction_of_mosaic, counted, mosaic)
+        bright = partial(bright_behind_mosaic, counted, mosaic)
         warn_about_clipping(np.stack(colors), sensor, bright)
     else:  # the estimates of planes warn by themselves
         colors, info = _by_planes(counted, mosaic, estimate, method)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
-from jotlight.evaluation.bright_blocks import bright_fraction
+from jotlight.evaluation.bright_pixels import bright_in_first_frames
 from jotlight.evaluation.channels import (
     run_color_network,
     without_warnings_of_colors,
@@ -183,9 +183,9 @@ def reconstruct(
     Warns
     -----
     JotlightWarning
-        When more than 5 % of the scene is brighter than the largest intensity S, although the bits
-        are not saturated, and when the data have fewer ones than the dark counts of the sensor
-        cause without light.
+        When the data show that pixels are brighter than the largest intensity S, which clips their
+        estimates, although the bits saturate beyond it; and when the data have fewer ones than the
+        dark counts of the sensor cause without light.
     PeriodicRatesWarning
         When the rates of jots repeat, as under a color filter mosaic. All methods warn about it.
 
@@ -226,7 +226,7 @@ def reconstruct(
         with without_warnings_of_colors(data):
             images = gray_images(data)
             estimate, info = _by_method(request, images, sensor, out)
-        bright = partial(bright_fraction, images, sensor, threads)
+        bright = partial(bright_in_first_frames, images, sensor, threads)
         warn_about_clipping(estimate, sensor, bright, images.data)
         warn_about_dark_counts(images, sensor, threads)
     if scale != 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from functools import partial
 
@@ -14,7 +15,7 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
-from jotlight.evaluation.bright_blocks import bright_fraction
+from jotlight.evaluation.bright_pixels import bright_in_first_frames, bright_pixels
 from jotlight.evaluation.channel_intervals import find_channel_intervals
 from jotlight.evaluation.choice import (
     check_precision_of,
@@ -121,8 +122,9 @@ def uncertainty(
     -----
     JotlightWarning
         For the method "mle", when the kernel is smooth. The interval is then that of the mean light
-        on the pixel's jots. When more than 5 % of the scene is brighter than the largest intensity
-        S, at which intervals end, although the bits are not saturated.
+        on the pixel's jots. When the data show that pixels are brighter than the largest intensity
+        S, at which intervals end, although the bits saturate beyond it. These pixels are marked as
+        saturated.
 
     Notes
     -----
@@ -199,7 +201,8 @@ def uncertainty(
     if estimate is not None:
         shape = images.layout.shape_of(images.size(sensor))
         estimate = read_estimate(estimate, shape, sensor.max_intensity)
-    return _of_gray_images(images, sensor, request, estimate, confidence_level).scaled(scale)
+    found = _of_gray_images(images, sensor, request, estimate, confidence_level)
+    return _with_bright_pixels(found, images, sensor, request).scaled(scale)
 
 
 def _of_gray_images(
@@ -216,10 +219,7 @@ def _of_gray_images(
     method, threads = request.method, request.threads
     if method == EXACT_METHOD:
         find = exact_uncertainty if sensor.has_plain_bits else joint_uncertainty
-        found = find(images, sensor, confidence_level, threads)
-        bright = partial(bright_fraction, images, sensor, threads)
-        warn_about_clipping(found.high, sensor, bright, images.data)
-        return found
+        return find(images, sensor, confidence_level, threads)
     if not sensor.has_plain_bits:
         if estimate is None:
             estimate = reconstruct(images, sensor, **request.arguments())
@@ -244,6 +244,25 @@ def _of_gray_images(
         confidence_level=confidence_level,
         threads=threads,
     )
+
+
+def _with_bright_pixels(
+    found: Uncertainty, images: GrayImages, sensor: Sensor, request: Request
+) -> Uncertainty:
+    """Return the uncertainty, with pixels that are brighter than S as saturated.
+
+    For maximum likelihood, warn about them. The estimates of other methods warn by themselves.
+    """
+    if float(found.high.max()) < np.float32(sensor.max_intensity):
+        return found
+    if request.method == EXACT_METHOD:
+        bright = partial(bright_in_first_frames, images, sensor, request.threads)
+        warn_about_clipping(found.high, sensor, bright, images.data)
+        return found  # exact intervals show it by themselves
+    if (brighter := bright_pixels(images, sensor, request.threads)) is None:
+        return found
+    saturated = found.saturated | images.layout.arrange(brighter)
+    return dataclasses.replace(found, saturated=saturated)
 
 
 def check_errors_known(method: AnyMethod | None, sensor: Sensor) -> None:
