@@ -23,6 +23,21 @@ def test_simulate_and_reconstruct_write_what_the_python_interface_returns(run, p
     assert (np.load(tmp_path / "out.npy") == jl.mle(bits, sensor)).all()
 
 
+@pytest.mark.parametrize("mosaic", [None, "RGGB"])
+def test_an_image_brighter_than_the_stated_limit_is_reported(run, mosaic):
+    shape = (16, 16) if mosaic is None else (16, 16, 3)
+    scene = np.full(shape, 0.3, np.float32)
+    np.save("white.npy", 1 / 0.3 * scene)
+    scene[5, 7] = 2.9189
+    np.save("star.npy", scene)
+    options = ["-o", "bits.npy", "-t", 50, *(() if mosaic is None else ("--mosaic", mosaic))]
+    _, output = run("simulate", "star.npy", *options)
+    assert output.count("the photo reaches 2.92, and the bits see all of this light") == 1
+    assert "states a largest intensity of 1, which clips estimates; --max-intensity 2.93" in output
+    for arguments in (["star.npy", "--max-intensity", 2.93], ["white.npy"]):
+        assert "the photo reaches" not in run("simulate", *arguments, *options)[1]
+
+
 def test_the_option_gray_converts_color_to_luma(run, color, tmp_path):
     assert run("simulate", color, "-o", "bits.npy", "--gray")[0] == 0
     assert jl.open(tmp_path / "bits.npy").shape == (1, 160, 196)

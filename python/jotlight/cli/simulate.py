@@ -11,10 +11,11 @@ from cyclopts import Parameter
 
 from jotlight.checks import as_image
 from jotlight.cli.common_options import MOTION_PANEL, Gray, Photo, Seed, Threads, White
-from jotlight.cli.console import progress, report
+from jotlight.cli.console import caution, progress, report
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
 from jotlight.datasets.moving_scenes.tables import read_poses
+from jotlight.evaluation.clipping import largest_colors
 from jotlight.files import atomic_write, check_outputs
 from jotlight.formats.description import companion_files
 from jotlight.formats.writing import choose_output_format, write_capture
@@ -22,7 +23,11 @@ from jotlight.images.io import image_writer, read_image
 from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed
+from jotlight.sensing.intensity_scale import gray_levels
 from jotlight.sensing.sensor import Sensor
+
+_ROUNDING = 1e-6
+"""Largest relative rounding error of white."""
 
 
 @Parameter(name="*", group=MOTION_PANEL)
@@ -131,6 +136,7 @@ def simulate(
             f"photo: expected one image, (H, W) or (H, W, C) with at most {MAX_CHANNELS} channels, "
             f"got {image.shape}; write each image of a stack to a file of its own"
         )
+    _caution_about_limit(image, exposed)
     if motion.motion is None:
         bits = _still_bits(image, exposed, seed, threads)
     else:
@@ -142,6 +148,20 @@ def simulate(
         with atomic_write(motion.truth) as file:
             image_writer(motion.truth)(file, scene.image())
     report(f"{output}: {bits!r}")
+
+
+def _caution_about_limit(image: npt.NDArray[np.floating], exposed: Sensor) -> None:
+    """Print a remark if an image is brighter than the largest intensity that the file states."""
+    ratio = float(np.max(image / largest_colors(exposed)))
+    if ratio <= 1 + _ROUNDING or gray_levels([image], exposed.max_intensity) is not None:
+        return  # `expose` warns about gray levels
+    largest = exposed.max_intensity
+    caution(
+        "max-intensity",
+        f"the photo reaches {ratio * largest:.3g}, and the bits see all of this light, but the "
+        f"file states a largest intensity of {largest:g}, which clips estimates; "
+        f"--max-intensity {1.005 * ratio * largest:.3g} states more",
+    )
 
 
 def _still_bits(

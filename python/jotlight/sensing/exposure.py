@@ -129,7 +129,8 @@ class Exposure(Parameters):
         """Return random bits of an image, or a list of those of each image of a stack.
 
         Each bit depends only on the seed and on its own position. A `tile` or a range of `frames`
-        therefore equals that part of the whole exposure exactly, with any number of threads.
+        therefore equals that part of the whole exposure exactly, with any number of threads. The
+        bits see all of the light: `max_intensity` limits estimates only.
 
         Parameters
         ----------
