@@ -9,7 +9,7 @@ block is dark.
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Self
 
 import numpy as np
@@ -53,9 +53,9 @@ class _Sums:
         moments = (np.broadcast_to(each, shape) for each in (trials * p, trials * p * (1 - p)))
         return cls(pixels.counts.astype(np.float64), *moments)
 
-    def of_blocks(self) -> Self:
-        """Return the sums over blocks of pixels."""
-        return type(self)(*(_sum_blocks(each) for each in dataclasses.astuple(self)))
+    def each(self, function: Callable[[Array], Array]) -> Self:
+        """Return the results of a function of each array."""
+        return type(self)(*map(function, (self.total, self.expected, self.variance)))
 
     def are_bright(self, number: int) -> Flags:
         """Return where a sum is too large for S, if there are so many sums of an image.
@@ -69,8 +69,8 @@ class _Sums:
 
     def bright_pixels(self, own: Flags | None = None) -> Flags:
         """Return which pixels are bright, by themselves or with their block; all, or some."""
-        sums = self if own is None else _Sums(*(own * each for each in dataclasses.astuple(self)))
-        blocks, (height, width) = sums.of_blocks(), self.total.shape[-2:]
+        sums = self if own is None else self.each(lambda values: own * values)
+        blocks, (height, width) = sums.each(_sum_blocks), self.total.shape[-2:]
         number = height * width + math.prod(blocks.total.shape[-2:])
         spread = blocks.are_bright(number).repeat(_SIDE, -2).repeat(_SIDE, -1)
         bright = sums.are_bright(number) | spread[..., :height, :width]
@@ -155,6 +155,10 @@ def _sum_blocks(values: Array) -> Array:
     >>> _sum_blocks(np.ones((9, 16))).tolist()
     [[64.0, 64.0], [8.0, 8.0]]
     """
+    if not any(values.strides):  # the same number everywhere
+        sides = (np.diff([*range(0, size, _SIDE), size]) for size in values.shape[-2:])
+        sums = np.multiply.outer(*sides) * values.flat[0]
+        return np.broadcast_to(sums, (*values.shape[:-2], *sums.shape))
     for axis in (-2, -1):
         values = np.add.reduceat(values, np.arange(0, values.shape[axis], _SIDE), axis)
     return values
