@@ -136,7 +136,6 @@ def simulate(
             f"photo: expected one image, (H, W) or (H, W, C) with at most {MAX_CHANNELS} channels, "
             f"got {image.shape}; write each image of a stack to a file of its own"
         )
-    _caution_about_limit(image, exposed)
     if motion.motion is None:
         bits = _still_bits(image, exposed, seed, threads)
     else:
@@ -148,6 +147,7 @@ def simulate(
         with atomic_write(motion.truth) as file:
             image_writer(motion.truth)(file, scene.image())
     report(f"{output}: {bits!r}")
+    _caution_about_limit(image, exposed)
 
 
 def _caution_about_limit(image: npt.NDArray[np.floating], exposed: Sensor) -> None:
