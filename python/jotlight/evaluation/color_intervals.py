@@ -329,5 +329,7 @@ def mosaic_uncertainty(
         )
     found = Uncertainty.arrange(results, Layout((*images.layout.shape, 3), -1))
     bright = bright_behind_mosaic([each.counted for each in pixels], mosaic)
-    saturated = found.saturated | images.layout.arrange(bright)[..., None]
+    # A pixel says nothing about the colors that its filter stops.
+    is_seen = np.moveaxis(pixels[0].shares > 0, 0, -1)
+    saturated = found.saturated | (images.layout.arrange(bright)[..., None] & is_seen)
     return dataclasses.replace(found, saturated=saturated).scaled(mosaic.white_balance)
