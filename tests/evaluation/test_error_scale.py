@@ -16,7 +16,6 @@ from jotlight.evaluation.error_scale import (
     error_terms,
     expected_squares,
     gray_scale,
-    is_unlikely,
 )
 
 RANDOM = np.random.default_rng(0)
@@ -183,14 +182,3 @@ def test_the_gain_is_the_ratio_of_two_binomial_probabilities():
     fraction = (first.ones + 0.5) / (first.trials + 1)
     expected = binom.logpmf(second.ones, 6, p) - binom.logpmf(second.ones, 6, fraction)
     np.testing.assert_allclose(errors.gain, expected, atol=1e-9)
-
-
-def test_estimates_are_unlikely_where_the_held_out_bits_say_so():
-    truth = np.full((80, 80), 0.5)
-    ones = RANDOM.binomial(64, truth).astype(np.int32)
-    halves = divide_bits(ones, np.full(truth.shape, 64.0))
-    z = np.full(truth.shape, np.pi / 4)
-    z[:, 40:] += 0.4
-    flags = is_unlikely([HalfErrors.measure(z, *halves)])
-    assert not flags[:, :20].any()
-    assert flags[:, 60:].all()

@@ -72,8 +72,9 @@ class Uncertainty:
         Whether the pixel has no valid bit.
     unlikely : ndarray of bool
         Whether the bits contradict the estimate: held-out bits near the pixel are less probable
-        under it than under the fractions of ones alone. The scene is then unlike photographs. It is
-        False for maximum likelihood, and with fewer than 4 trials.
+        under it than under the fractions of ones alone, or their number is not what it predicts.
+        The scene is then unlike photographs. It is False for maximum likelihood, and with fewer
+        than 4 trials.
     confidence_level : float
         The coverage of the intervals.
     """

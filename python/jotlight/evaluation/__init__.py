@@ -14,7 +14,8 @@ In reading order:
   ``weights``: the files of the networks behind a result. ``records``: what it was made of.
 - ``uncertainty``: an interval for each pixel. ``intervals``, ``interval_pixels``, and
   ``error_scale`` are for gray images, ``color_intervals`` is for mosaics, and ``channel_intervals``
-  for three channels. ``known_errors``: the errors behind an interval. ``known_estimate`` checks an
+  for three channels. ``known_errors``: the errors behind an interval. ``unlikely``: where the data
+  contradict an estimate. ``known_estimate`` checks an
   estimate of the caller.
 - ``evaluate``: one method on many images.
 - ``run_methods``, ``compare``: many methods on one image.

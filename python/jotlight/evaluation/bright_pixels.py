@@ -58,7 +58,7 @@ class _Sums:
         return type(self)(*map(function, (self.total, self.expected, self.variance)))
 
     def are_bright(self, number: int) -> Flags:
-        """Return where a sum is too large for S, if there are so many sums of an image.
+        """Return where a sum is too large for S, if it is one of a number of sums of an image.
 
         By Bernstein's inequality, a sum of bits or photons exceeds its expectation by t or more
         with a probability of at most exp(-t²/(2 (variance + t/3))).

@@ -51,12 +51,6 @@ _SMALLEST = 1e-2
 _MIN_RATIO = 1e-6
 """Smallest ratio of two probabilities of a bit, so that one bit cannot decide."""
 
-_NEIGHBORHOOD = 6.0
-"""Standard deviation of the neighborhood whose held-out bits decide together, in pixels."""
-
-_CERTAINTY = 3.0
-"""Number of standard deviations by which held-out bits must be less probable."""
-
 
 @dataclasses.dataclass(frozen=True)
 class ErrorModel:
@@ -236,6 +230,12 @@ class HalfErrors:
     gain: Array
     """Logarithm of the probability of the held-out bits under the estimate, relative to that under
     the fraction of ones of the same pixel."""
+    p: Array
+    """Probability that a bit of the pixel is 1, by the estimate."""
+    held_out: Half
+    """The other half of the bits."""
+    relative_slope: float | Array = 1.0
+    """Derivative of arcsin √p with respect to z."""
 
     @classmethod
     def measure(cls, z: Array, trained: Half, held_out: Half) -> Self:
@@ -254,7 +254,8 @@ class HalfErrors:
         gain = held_out.ones * of_one + (number - held_out.ones) * of_zero
         trials = np.maximum(trained.trials, 1).astype(np.float64)
         # dp = 2 sin z cos z dz = sin 2z dz
-        return cls(z, trials, np.sin(2 * z), squared, known, np.where(known, gain, 0.0))
+        gain, p = np.where(known, gain, 0.0), np.sin(z) ** 2
+        return cls(z, trials, np.sin(2 * z), squared, known, gain, p, held_out)
 
 
 def expected_squares(model: ErrorModel, half: HalfErrors) -> Array:
@@ -295,21 +296,6 @@ def correction(halves: Sequence[HalfErrors], of_model: Sequence[Array], z: Array
     factor = np.clip(factor, _MIN_CORRECTION, _MAX_CORRECTION)
     trust = is_known / (1 + (error / factor / _SPREAD) ** 2)
     return np.exp(0.5 * _interpolate(trust * np.log(factor), _ranks(z)))
-
-
-def is_unlikely(halves: list[HalfErrors]) -> npt.NDArray[np.bool_]:
-    """Return where the held-out bits contradict the estimate, (H, W).
-
-    In the neighborhood of these pixels, the fraction of ones of each pixel alone predicts the
-    held-out bits better than the estimate does.
-    """
-    from scipy.ndimage import gaussian_filter
-
-    gain = np.sum([half.gain for half in halves], axis=0)
-    mean = gaussian_filter(gain, _NEIGHBORHOOD, mode="mirror")
-    variance = gaussian_filter((gain - mean) ** 2, _NEIGHBORHOOD, mode="mirror")
-    deviation = np.sqrt(variance / (4 * np.pi)) / _NEIGHBORHOOD
-    return np.asarray(mean < -_CERTAINTY * deviation)
 
 
 def _ranks(z: Array) -> tuple[Array, Array]:

@@ -17,9 +17,9 @@ from jotlight.evaluation.error_scale import (
     correction,
     expected_squares,
     gray_scale,
-    is_unlikely,
 )
 from jotlight.evaluation.known_errors import KnownErrors
+from jotlight.evaluation.unlikely import find_contradictions
 from jotlight.kept import kept_property
 from jotlight.sensing.binomial import squared_sine
 from jotlight.sensing.merged import Merged
@@ -265,6 +265,7 @@ class Pixels:
                     z=self.stabilize(estimate),
                     trials=self.local_trials(pair[0].trials.astype(np.float64), slope),
                     slope=measured.slope * slope,
+                    relative_slope=slope,
                 )
             )
         return found
@@ -297,7 +298,11 @@ class Pixels:
         The estimate of the network behind the `known` errors states the class of each pixel. Where
         the light is `unbounded`, by default as in :attr:`unbounded`, intervals end at S.
         """
-        scale, errors, model = known.scale, known.halves, known.model
+        unlikely = np.zeros(self.trials.shape, np.bool_)
+        if known.halves:
+            unlikely, squared = find_contradictions(known.halves)
+            known = known.at_least(squared)
+        scale, model = known.scale, known.model
         z, pixel = self.stabilize(estimate), self._pixel_of(known.estimate)
         unbounded = self.unbounded if unbounded is None else unbounded
 
@@ -323,6 +328,6 @@ class Pixels:
             unlit=((low <= 0) & ~dead)[None],
             saturated=((self.ones == self.trials) & ~dead)[None],
             dead=dead[None],
-            unlikely=(is_unlikely(errors) if errors else np.zeros_like(dead))[None],
+            unlikely=unlikely[None],
             confidence_level=confidence_level,
         )

@@ -38,3 +38,17 @@ class KnownErrors:
         squared = uniform_filter(difference**2, _WINDOW, mode="mirror")
         scale = np.sqrt(self.scale**2 + squared / TYPICAL_DEVIATION**2)
         return dataclasses.replace(self, scale=np.asarray(scale))
+
+    def at_least(self, squared: Array) -> "KnownErrors":
+        """Return the errors if the squared errors of z are known to be at least as large, (H, W).
+
+        Examples
+        --------
+        >>> from jotlight.evaluation.error_scale import error_model
+        >>> estimate, scale = np.zeros((1, 2), np.float32), np.full((1, 2), 0.1)
+        >>> known = KnownErrors(estimate, scale, [], error_model())
+        >>> known.at_least(np.array([[0.0, 0.49]])).scale
+        array([[0.1, 0.5]])
+        """
+        scale = np.maximum(self.scale, np.sqrt(squared) / TYPICAL_DEVIATION)
+        return dataclasses.replace(self, scale=scale)
