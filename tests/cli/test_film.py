@@ -9,6 +9,7 @@ from PIL import Image
 
 import jotlight as jl
 from folders import file_names
+from jotlight.cli import console
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.methods import METHODS
 from jotlight.motion.film import film
@@ -60,6 +61,19 @@ def test_a_film_has_the_estimate_of_each_window(run, capture, tmp_path, method):
             (30, 24),
             200,
         )
+
+
+@pytest.mark.filterwarnings("always:.*brighter than the largest intensity")
+def test_pixels_brighter_than_the_limit_are_reported_once(run, tmp_path, monkeypatch):
+    """Their number differs in each image."""
+    monkeypatch.setattr(console, "shown_warnings", set())
+    sensor = jl.Sensor(frames=1200)
+    scene = np.full((24, 30), 0.3)
+    scene[4:16, 5:8] = 1.65
+    jl.save(sensor.expose(scene, rng=0), tmp_path / "stars.npy")
+    status, output = run("film", "stars.npy", "-m", "mle", "--window", 400, "-o", "film.npy")
+    assert status == 0
+    assert output.count("pixels are brighter than the largest intensity, 1, which clips") == 1
 
 
 @pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")

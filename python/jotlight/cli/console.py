@@ -54,6 +54,8 @@ _LOG_SECONDS = 60.0
 
 shown_warnings: set[str] = set()
 
+_NUMBER_OF_PIXELS = re.compile(r"^[\d,]+ of [\d,]+ pixels (is|are) ")
+
 _PYTHON_ADVICE = re.compile(r"(?:jotlight\.\w+\(.*?\)|[\w.]+[=\[(]\S*) \((--[^()]+)\)")
 """Advice of the library, such as ``counts=True (--counts)``, or a whole call of jotlight."""
 
@@ -101,13 +103,16 @@ def show_warning(
 ) -> None:
     """Print each warning of jotlight once, in one line, and others as Python does.
 
+    Warnings that differ only in their number of pixels, as of the images of a film, are the same.
     The parameters are those of :func:`warnings.showwarning`.
     """
     if not issubclass(category, JotlightWarning):
         text = warnings.formatwarning(message, category, filename, lineno, line)
         err.print(escape(text), end="")
-    elif str(message) not in shown_warnings:
-        shown_warnings.add(str(message))
+        return
+    text = _NUMBER_OF_PIXELS.sub("", str(message))
+    if text not in shown_warnings:
+        shown_warnings.add(text)
         caution("warning", str(message))
 
 
