@@ -74,6 +74,7 @@ def test_pixels_brighter_than_the_limit_are_reported_once(run, tmp_path, monkeyp
     status, output = run("film", "stars.npy", "-m", "mle", "--window", 400, "-o", "film.npy")
     assert status == 0
     assert output.count("pixels are brighter than the largest intensity, 1, which clips") == 1
+    assert "saturate only at 6.68; --max-intensity 6.68 lets them be brighter" in output
 
 
 @pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")

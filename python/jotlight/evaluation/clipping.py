@@ -86,7 +86,8 @@ def warn_about_clipping(
         f"{MERGE_AGAIN}"
         if must_merge
         else f", although the bits saturate only at {saturation:.3g}; "
-        f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be brighter"
+        f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity {saturation:.3g}) lets them "
+        "be brighter"
     )
     warn(
         f"{number:,} of {size:,} pixels {'is' if number == 1 else 'are'} {_BRIGHTER}, "
