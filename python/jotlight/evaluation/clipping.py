@@ -80,14 +80,14 @@ def warn_about_clipping(
         number, size = np.count_nonzero(known), known.size
     if not number or (known is None and clipped <= _MAX_CLIPPED * size):
         return
+    limit = f"{saturation:.3g}"
     balance = " times the white balance" if np.any(highest != sensor.max_intensity) else ""
     advice = (
         f"; the equivalent counts are not valid beyond it, so unless all readings are saturated, "
         f"{MERGE_AGAIN}"
         if must_merge
-        else f", although the bits saturate only at {saturation:.3g}; "
-        f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity {saturation:.3g}) lets them "
-        "be brighter"
+        else f", although the bits saturate only at {limit}; "
+        f"sensor.replace(max_intensity={limit}) (--max-intensity {limit}) lets them be brighter"
     )
     warn(
         f"{number:,} of {size:,} pixels {'is' if number == 1 else 'are'} {_BRIGHTER}, "
