@@ -34,11 +34,9 @@ _NEARLY_ALL = 0.999
 _MIN_FACTOR = 1.5
 """Smallest number of trials per combined trial."""
 
-_FULL = 0.5
-"""Fraction of ones of combined trials above which the trials of a pixel are not combined."""
-
-_MARGIN = 8
-"""Trials of pixels this near to such a pixel, in pixels, are not combined, either."""
+_USED, _FULL = 0.25, 0.5
+"""Probability of a one of combined trials up to which only they are used, and from which they are
+not used. In between, both estimates have weights."""
 
 _NOISE = 1.0
 """The brightest fractions are assumed to exceed the estimate by this number of standard
@@ -115,8 +113,6 @@ class Combined(NamedTuple):
     """Their number, for the whole image or for each pixel."""
     factor: np.float32
     """c: the number of trials per combined trial."""
-    full: npt.NDArray[np.bool_]
-    """The pixels (H, W) that are too bright for combined trials."""
 
 
 def combine(fraction: Image, trials: LocalTrials, smallest: int = 1) -> Combined | None:
@@ -132,13 +128,32 @@ def combine(fraction: Image, trials: LocalTrials, smallest: int = 1) -> Combined
         factor = trials / number
     else:
         number = np.maximum(trials / np.float32(factor), 1)
-    scaled = fraction * np.float32(factor)
-    full = scaled > _FULL
-    if full.any():
-        from scipy.ndimage import maximum_filter
+    scaled = np.minimum(fraction * np.float32(factor), 1)
+    return Combined(scaled, number, np.float32(factor))
 
-        full = maximum_filter(full, 2 * _MARGIN + 1)
-    return Combined(np.minimum(scaled, 1), number, np.float32(factor), full)
+
+def weight_of_combined(probability: Image, fraction: Image) -> Image:
+    """Return the weight of combined trials in each pixel, from 0 to 1, (H, W).
+
+    The other estimate is that of all trials. In bright pixels, such as stars, combined trials are
+    nearly all ones and say nothing. Around them, they are better: a network for all trials may
+    return a sky that is far too bright.
+
+    Parameters
+    ----------
+    probability : ndarray of float32, shape (H, W)
+        The estimated probability of a one of combined trials.
+    fraction : ndarray of float32, shape (H, W)
+        Their fractions of ones, which networks may blur.
+
+    Examples
+    --------
+    >>> probability = np.array([[0.01, 0.375, 0.9, 0.01]], np.float32)
+    >>> weight_of_combined(probability, np.array([[0, 0.5, 1, 1]], np.float32)).tolist()
+    [[1.0, 0.5, 0.0, 0.0]]
+    """
+    bright = np.maximum(probability, fraction / 2)
+    return np.asarray(np.clip((_FULL - bright) / (_FULL - _USED), 0, 1), np.float32)
 
 
 def denoise_dim(
@@ -149,8 +164,8 @@ def denoise_dim(
     smallest: int = 1,
     *,
     threads: int | None = None,
-) -> list[tuple[Image, npt.NDArray[np.bool_]] | None]:
-    """Return the probabilities of a one in dim scenes, and where they hold, (H, W) each.
+) -> list[tuple[Image, Image] | None]:
+    """Return the probabilities of a one in dim scenes, and their weights, (H, W) each.
 
     It is None for other scenes.
 
@@ -175,8 +190,11 @@ def denoise_dim(
         return [None] * len(each)
     scaled = np.stack([part.fraction for part in dim])
     found = denoise_fractions(network, scaled, [part.trials for part in dim], threads=threads)
-    matched = iter(
-        match_dark_regions(image, part.fraction, part.trials, threshold, threads) / part.factor
+    better = iter(
+        (
+            match_dark_regions(image, part.fraction, part.trials, threshold, threads) / part.factor,
+            weight_of_combined(image, part.fraction),
+        )
         for image, part in zip(found, dim, strict=True)
     )
-    return [None if part is None else (next(matched), ~part.full) for part in each]
+    return [None if part is None else next(better) for part in each]

@@ -179,16 +179,17 @@ class Inference:
         for index, result, fraction, each in zip(chosen, better, fractions, trials, strict=True):
             image = found[index]
             if result is not None:
-                probability, holds = result
+                probability, weight = result
             elif may_have_dark_regions(image, sensor):
                 probability = response_of(pixels.sensor)(image).astype(np.float32)
                 probability = match_dark_regions(probability, fraction, each, threshold, threads)
-                holds = probability < 0.5  # other pixels stay exactly as they are
+                # Other pixels stay exactly as they are.
+                weight = (probability < 0.5).astype(np.float32)
             else:
                 continue
             probability = np.clip(probability, 0, 1)
             intensity = intensity_from_probability(probability, pixels.sensor, threads)
-            np.copyto(image, intensity, where=holds)
+            image[...] = (1 - weight) * image + weight * intensity
 
     def _improve_coarse(self) -> None:
         """Correct the coarse structure of images with few photons by squares of pixels."""

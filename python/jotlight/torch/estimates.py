@@ -16,7 +16,7 @@ from jotlight.networks.coarse_scales import (
     sensor_of_squares,
 )
 from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
-from jotlight.networks.dim_scenes import combine, may_be_dim
+from jotlight.networks.dim_scenes import combine, may_be_dim, weight_of_combined
 from jotlight.sensing.reference import reference_jot, response_of
 from jotlight.sensing.response import detection_density, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -216,22 +216,20 @@ def improve_dim(
         if may_be_dim(image, sensor, sensor.trials):
             found = combine(fraction, sensor.trials, trials_range[0])
         if found is not None:
-            trials, factor, stays = cast(int, found.trials), found.factor, found.full
+            trials, factor = cast(int, found.trials), found.factor
             scaled = torch.from_numpy(found.fraction * np.float32(trials))[None, None]
             scaled = scaled.to(intensity.device)
             (probability,) = _values(probability_of(network, scaled, trials, trials_range)[0])
             matched = match_dark_regions(probability, found.fraction, trials, sensor.threshold)
-            matched = matched / factor
+            matched, weight = matched / factor, weight_of_combined(probability, found.fraction)
         elif is_dark:
             probability = response_of(sensor)(image[0]).astype(np.float32)
             matched = match_dark_regions(probability, fraction, sensor.trials, sensor.threshold)
-            stays = probability >= 0.5
+            weight = (probability < 0.5).astype(np.float32)
         else:
             continue
         better = intensity_from_probability(torch.from_numpy(matched), sensor).to(intensity)
-        images[index] = torch.where(
-            torch.from_numpy(stays).to(intensity.device), images[index], better
-        )
+        images[index] = torch.lerp(images[index], better, torch.from_numpy(weight).to(intensity))
     return torch.stack(images) if images else intensity
 
 
