@@ -2,7 +2,8 @@
 
     python benchmarks/studies/tv_weights.py path/to/bsds300/train [--images 12]
 
-The rule is λ = strength · √I · (√Ī γ)^-power (``jotlight.estimators.tv.automatic_weight``). For
+The rule is λ = strength · √(I (1 + 0.05 b²)) · (√Ī γ)^-power
+(``jotlight.estimators.tv.automatic_weight``). For
 each image and exposure, the study makes the estimates of a range of weights once. Interpolation
 between them shows what each strength and power loses against the best weight for that image.
 """
@@ -21,7 +22,7 @@ EXPOSURES = ((2, 1.0), (4, 0.1), (4, 0.3), (4, 1.0), (4, 3.0), (8, 1.0))
 """K̂, and photons per jot at intensity 1."""
 
 FACTORS = np.array([0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 1.0, 1.2, 1.5])
-"""Weights in units of the √I of each pixel."""
+"""Weights in units of the √(I (1 + 0.05 b²)) of each pixel."""
 
 
 def main() -> None:
@@ -50,9 +51,11 @@ def measure(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarray
     counts = sensor.expose(image, rng=seed).counts()
     problem = build_problem(counts, sensor, None)
     automatic = tv.automatic_weight(problem)[0]
-    # The automatic weight in units of each pixel's √I reveals the roughness that the rule found.
+    # The automatic weight in these units reveals the roughness that the rule found.
     light = problem.operator.forward(np.ones(image.shape))
-    noise_scale = np.sqrt(tv.local_information(problem, light))[0]
+    constant = problem.constant_estimates()[0] * light
+    local = tv.local_information(problem, light, constant)
+    noise_scale = np.sqrt(tv.tailed_information(*local))[0]
     factor = float((automatic / noise_scale).mean())
     rough = (factor / tv.WEIGHT_STRENGTH) ** (-1 / tv.WEIGHT_POWER)
     psnr = [

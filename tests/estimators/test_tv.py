@@ -86,3 +86,28 @@ def test_rare_photons_have_the_same_weight_in_any_number_of_frames():
     counts = np.random.default_rng(22).poisson(100 * scene(40, 40))
     few, many = (automatic(counts, frames) / frames for frames in (10**4, 10**8))
     np.testing.assert_allclose(many, few, rtol=0.05)
+
+
+@pytest.mark.parametrize("ones", [0.02, 0.3])
+def test_dim_flat_scenes_keep_their_light_without_dots(ones):
+    sensor = jl.Sensor(frames=64, gain=2 * ones)
+    counts = sensor.expose(np.full((96, 96), 0.5), rng=0).counts()
+    estimate, history = jl.admm_tv(counts, sensor, return_history=True)
+    assert history.converged
+    assert estimate.mean() == pytest.approx(counts.mean() / sensor.gain, rel=0.03)
+    assert estimate.std() < 0.05 * estimate.mean()
+
+
+def test_dim_scenes_are_nearly_as_good_as_with_the_best_weight():
+    image = jl.datasets.photograph("camera")[::4, ::4][32:96, 32:96].astype(float)
+    sensor = jl.Sensor(frames=16, gain=16 * 0.01)
+    counts = sensor.expose(image, rng=0).counts()
+    problem = jl.Problem(
+        jl.operators.scaling(image.shape, sensor.gain / 16), jl.Likelihood(counts, 16), 1.0
+    )
+    automatic = jl.tv.automatic_weight(problem)
+    quality = {
+        factor: jl.metrics.psnr(jl.admm_tv(counts, sensor, weight=factor * automatic), image)
+        for factor in (0.5, 1, 2)
+    }
+    assert quality[1] > max(quality.values()) - 0.5

@@ -1,15 +1,25 @@
 """The information of each pixel about its intensity, at the light of its neighborhood."""
 
+import math
+
 import numpy as np
 
 from jotlight.interrupts import interruptible
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array, inverse_detection_probability
-from jotlight.sensing.stacks import each_image, image_sums
+from jotlight.sensing.stacks import image_sums
 
-_BLUR = 2.0
-"""The standard deviation, in pixels, of the Gaussian for the local fraction of ones."""
+_MIN_BLUR = 2.0
+"""The smallest standard deviation, in pixels, of the Gaussian for the local fraction of ones."""
+
+_MIN_COUNT = 20.0
+"""The Gaussian window contains so many ones on average, and so many zeros. In a smaller window, a
+one in a dim scene would be its own neighborhood, which would look bright."""
+
+_PAD = 3 / 8
+"""The ones, and the zeros, that are added to those of a window, so that the fraction of ones is
+neither 0 nor 1."""
 
 _MIN_INFORMATION = 4.0
 """Bits count fully if they say at least 1/4 of what bits of the typical jot say. With 1 in place
@@ -19,8 +29,12 @@ _TABLE_SIZE = 1025
 """The number of points in the table from the odds of a 1 to the information of a bit."""
 
 
-def local_information(problem: Problem, light_of_ones: Array, constant: Array) -> Array:
-    """Return the Fisher information I of each pixel about its intensity, at its local light.
+def local_information(
+    problem: Problem, light_of_ones: Array, constant: Array
+) -> tuple[Array, Array]:
+    """Return each pixel's Fisher information I about its intensity, at its local light.
+
+    The second result is the squared skewness of the count of the pixel's ones.
 
     Every pixel is treated as if it had the mean number of valid bits. If jots have different dark
     counts, bits of hot ones count less, because they say less about the light.
@@ -36,39 +50,60 @@ def local_information(problem: Problem, light_of_ones: Array, constant: Array) -
 
     Returns
     -------
-    ndarray of float64
+    information : ndarray of float64
         I in units of 1 / intensity², of the shape of the image or of the stack.
+    skewness : ndarray of float64
+        (1 - 2p)² / (K p (1 - p)) for the local fraction of ones p.
 
     Examples
     --------
     >>> from jotlight.sensing.operators import scaling
     >>> problem = Problem(scaling((4, 4), 1.0), Likelihood(np.full((4, 4), 8), trials=16))
     >>> light = np.ones((4, 4))
-    >>> local_information(problem, light, light).round(3)[0, 0]  # 16 / (e^s - 1), s = log 2
-    np.float64(16.0)
+    >>> information, skewness = local_information(problem, light, light)
+    >>> information.round(3)[0, 0], skewness[0, 0]  # 16 / (e^s - 1), s = log 2
+    (np.float64(16.0), np.float64(0.0))
     """
-    from scipy.ndimage import gaussian_filter
-
     stack = problem.stacked()
     operator, likelihood = stack.operator, stack.likelihood
     trials = np.broadcast_to(np.asarray(likelihood.trials, np.float64), likelihood.shape)
     share = _shares(likelihood, trials, constant)
     counted, trials = share * likelihood.ones, share * trials
-    sigma = (0.0, *[_BLUR] * len(operator.input_shape))
-    ones, valid = (
-        interruptible(gaussian_filter)(operator.adjoint(array), sigma, mode="reflect")
-        for array in (counted, trials)
-    )
-    total = image_sums(trials)
-    overall = each_image(image_sums(counted) / total, ones)
-    fraction = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
-    mean_bits = total / fraction[0].size
-    information = np.empty(fraction.shape)
-    for bits in np.unique(mean_bits):
-        same = mean_bits == bits
-        information[same] = _information_of_bits(likelihood, bits, np.clip(fraction[same], 0, 1))
+    sums = image_sums(counted), image_sums(trials)
+    results = [
+        _information_of_image(likelihood, *image)
+        for image in zip(operator.adjoint(counted), operator.adjoint(trials), *sums, strict=True)
+    ]
+    information, skewness = (np.stack(each) for each in zip(*results, strict=True))
     information *= np.mean(likelihood.efficiency * light_of_ones) ** 2
-    return information if problem.is_stack else information[0]
+    return (information, skewness) if problem.is_stack else (information[0], skewness[0])
+
+
+def _information_of_image(
+    likelihood: Likelihood, counted: Array, trials: Array, all_ones: float, all_bits: float
+) -> tuple[Array, Array]:
+    """Return the information of each pixel about its light, and the squared skewness."""
+    pixels, dimensions = counted.size, counted.ndim
+    rare = (min(all_ones, all_bits - all_ones) + _PAD) / pixels
+    # A Gaussian has the noise of a uniform window of (4 π σ²)^(dimensions / 2) pixels.
+    side = max((_MIN_COUNT / rare) ** (1 / dimensions), math.sqrt(4 * math.pi) * _MIN_BLUR)
+    side = min(side, max(counted.shape))
+    sigma = side / math.sqrt(4 * math.pi)
+    ones, valid = _blur(np.stack([counted, trials]), sigma)
+    bits = all_bits / pixels
+    fraction = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), all_ones / all_bits)
+    fraction = np.clip(fraction, 0, 1)
+    pad = _PAD / min(side**dimensions, pixels)
+    ones, zeros = bits * fraction + pad, bits * (1 - fraction) + pad
+    skewness = (ones - zeros) ** 2 / (bits * ones * zeros)
+    return bits * _information_of_bit(likelihood, ones / zeros), skewness
+
+
+def _blur(images: Array, sigma: float) -> Array:
+    from scipy.ndimage import gaussian_filter
+
+    sigmas = (0.0, *[sigma] * (images.ndim - 1))
+    return np.asarray(interruptible(gaussian_filter)(images, sigmas, mode="reflect"))
 
 
 def _shares(likelihood: Likelihood, trials: Array, constant: Array) -> float | Array:
@@ -89,16 +124,14 @@ def _shares(likelihood: Likelihood, trials: Array, constant: Array) -> float | A
     return shares
 
 
-def _information_of_bits(likelihood: Likelihood, bits: float, fraction: Array) -> Array:
-    """Return the information of some bits about their light, at fractions of ones."""
+def _information_of_bit(likelihood: Likelihood, odds: Array) -> Array:
+    """Return the information of one bit about its light, at the odds of a one."""
     from scipy.special import expit
 
     # Its logarithm is a smooth function of the log-odds alone, so a table suffices.
-    largest = np.log((bits + 3 / 8) / (3 / 8))
-    nodes = np.linspace(-largest, largest, _TABLE_SIZE)
+    logarithms = np.log(odds)
+    nodes = np.linspace(logarithms.min(), logarithms.max(), _TABLE_SIZE)
     rates = inverse_detection_probability(likelihood.threshold, expit(nodes), expit(-nodes))
     none = np.zeros(_TABLE_SIZE, np.int32)
     one_bit = Likelihood(none, 1, threshold=likelihood.threshold, threads=likelihood.threads)
-    table = np.log(one_bit.information(rates))
-    odds = (bits * fraction + 3 / 8) / (bits * (1 - fraction) + 3 / 8)
-    return np.asarray(bits * np.exp(np.interp(np.log(odds), nodes, table)))
+    return np.asarray(np.exp(np.interp(logarithms, nodes, np.log(one_bit.information(rates)))))

@@ -27,6 +27,9 @@ WEIGHT_STRENGTH, WEIGHT_POWER = 0.62, 0.4
 """The constants of the automatic weight. ``benchmarks/studies/tv_weights.py`` fitted them to
 BSDS training images at six exposures."""
 
+TAIL = 0.05
+"""The constant of the skewness in the automatic weight."""
+
 _BLOCK = 4
 """The side, in pixels, of the blocks between which the roughness is measured."""
 
@@ -139,10 +142,10 @@ def shrink(
 def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     """Return a weight of total variation for each pixel, chosen from the data alone.
 
-    ``λ = 0.62 √I (√Ī γ)^-0.4``. I is the Fisher information of the pixel's bits about its
-    intensity, and Ī that of a pixel of the mean intensity. γ is the roughness of the scene: the
-    root mean square difference between neighboring blocks of 4 x 4 pixels, minus the part that the
-    noise explains.
+    ``λ = 0.62 √(I (1 + 0.05 b²)) (√Ī γ)^-0.4``. I is the Fisher information of the pixel's bits
+    about its intensity, Ī that of a pixel of the mean intensity, and b the skewness of the pixel's
+    number of ones. γ is the roughness of the scene: the root mean square difference between
+    neighboring blocks of 4 x 4 pixels, minus the part that the noise explains.
 
     Parameters
     ----------
@@ -166,13 +169,18 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     -----
     1/√I is the noise of a pixel. With λ ∝ √I, total variation acts as if the noise were the same
     everywhere, as it is for stabilized counts. √Ī γ is the roughness in units of the noise: the
-    less structure is visible, the more smoothing is needed. The two dimensionless constants were
+    less structure is visible, the more smoothing is needed. The dimensionless constants were
     fitted once, over a range of exposures.
 
-    I is evaluated at the local fraction of ones: the fraction is smoothed by a Gaussian of standard
-    deviation 2 pixels, and kept away from 0 and 1 as in equation (6). The difference of a block
-    from the mean is its score divided by its information, which is one step of Fisher scoring from
-    a constant image.
+    In a dim scene of n ones per pixel, the rare ones are outliers of the noise: their scores are
+    1/√n times its standard deviation. Since b² = 1/n, λ then exceeds what a lone one gains by a
+    peak of its own.
+
+    I and b are evaluated at the local fraction of ones: the fraction is smoothed by a Gaussian of
+    standard deviation 2 pixels, or more if the window would contain fewer than 20 ones or 20 zeros
+    on average, and kept away from 0 and 1 as in equation (6). The difference of a block from the
+    mean is its score divided by its information, which is one step of Fisher scoring from a
+    constant image.
 
     Examples
     --------
@@ -189,7 +197,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     constant = each_image(stack.constant_estimates(), likelihood.ones) * light_of_ones
     score = operator.adjoint(likelihood.gradient_and_curvature(constant)[0])
     information = operator.adjoint(likelihood.information(constant) * light_of_ones)
-    local = np.sqrt(local_information(stack, light_of_ones, constant))
+    local = np.sqrt(tailed_information(*local_information(stack, light_of_ones, constant)))
     mean = image_means(information)
     # If nearly all bits are saturated, the roughness is unknown, and 1 stands in for it.
     known = mean > 1e-6 * image_means(np.square(local))
@@ -199,6 +207,17 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     norm_factor = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 3 else 1.0
     weight = norm_factor * WEIGHT_STRENGTH * each_image(roughness**-WEIGHT_POWER, local) * local
     return weight if problem.is_stack else weight[0]
+
+
+def tailed_information(information: Array, skewness: Array) -> Array:
+    """Return I (1 + 0.05 b²), from the results of `local_information`.
+
+    Examples
+    --------
+    >>> tailed_information(np.array([1.0, 2.0]), np.array([0.0, 20.0])).tolist()
+    [1.0, 4.0]
+    """
+    return np.asarray(information * (1 + TAIL * skewness))
 
 
 @underflows_to_0
