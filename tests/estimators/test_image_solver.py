@@ -99,3 +99,13 @@ def test_other_readings_with_a_smooth_kernel_are_refused_with_advice_that_works(
         jl.reconstruct(data, method=method)
     estimate = jl.reconstruct(data, sensor.replace(kernel="box"), method=method)
     assert estimate.shape == (8, 8)
+
+
+@pytest.mark.parametrize("method", [jl.mle_iterative, jl.admm_tv])
+@pytest.mark.parametrize("kernel", ["linear", "cubic"])
+def test_counts_of_single_jots_suffice_for_smooth_kernels(method, kernel):
+    dark_counts = np.random.default_rng(0).uniform(0, 0.5, (8, 8))
+    mask = np.arange(64).reshape(8, 8) % 11 == 3
+    sensor = jl.Sensor(frames=20, kernel=kernel, dark_counts=dark_counts, mask=mask)
+    bits = sensor.expose(scene(8, 8), rng=0)
+    np.testing.assert_array_equal(method(bits.counts(), sensor), method(bits))

@@ -101,9 +101,9 @@ def mle_iterative(
     Parameters
     ----------
     data : Bits, Merged, list of them, array_like of int, or Problem
-        Bits; or merged counts, or counts L of shape (..., H, W), which suffice for the box kernel;
-        or a custom problem without a sensor, for signals (N,) and other operators. Each image of a
-        stack stops by itself.
+        Bits; or merged counts, or counts L of shape (..., H, W), which suffice for the box kernel,
+        and counts also for other kernels if a pixel is a jot; or a custom problem without a sensor,
+        for signals (N,) and other operators. Each image of a stack stops by itself.
     sensor : Sensor, optional
         The sensor that recorded the data. Default: the one that bits or merged counts carry.
     solver : {"newton", "gradient"}

@@ -21,7 +21,7 @@ def build_problem(data: PreparedData, sensor: Sensor, threads: int | None) -> Pr
 
     With the box kernel the bits of a pixel are exchangeable. Their count is then a sufficient
     statistic, and the cells are the pixels. With a smooth kernel, or where the jots of a pixel
-    differ, the cells are the jots.
+    differ, the cells are the jots. If a pixel is a jot, its count suffices in all cases.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def build_problem(data: PreparedData, sensor: Sensor, threads: int | None) -> Pr
     check_any_valid(pixels.trials)
     if sensor.kernel == "box" and not pixels.varies_within_pixels:
         return _pixel_problem(pixels, threads)
-    return _jot_problem(images, sensor, pixels.counts.shape, threads)
+    return _jot_problem(images, pixels, sensor, threads)
 
 
 def _pixel_problem(pixels: PixelCounts, threads: int | None) -> Problem:
@@ -72,19 +72,13 @@ def _pixel_problem(pixels: PixelCounts, threads: int | None) -> Problem:
 
 
 def _jot_problem(
-    images: GrayImages, sensor: Sensor, shape: tuple[int, ...], threads: int | None
+    images: GrayImages, pixels: PixelCounts, sensor: Sensor, threads: int | None
 ) -> Problem:
-    reason = "jots of one pixel differ in their efficiency or dark counts"
     if sensor.kernel != "box":
         _refuse_merged(images, sensor)
-        reason = f"the light of a {sensor.kernel} kernel differs from jot to jot"
-    bits = [require_bits(image, reason) for image in images.data]
-    ones = count_ones(bits, 1, mask=sensor.mask, threads=threads)
-    trials: Any = sensor.frames
-    if sensor.mask is not None:
-        trials = np.where(sensor.mask, 0.0, float(sensor.frames))
+    ones, trials = _counts_of_jots(images, pixels, sensor, threads)
     light = spread(
-        shape[1:],
+        pixels.counts.shape[1:],
         sensor.oversampling,
         sensor.kernel,
         gain=sensor.gain / sensor.frames,
@@ -103,6 +97,22 @@ def _jot_problem(
         threads=threads,
     )
     return Problem(light, likelihood, sensor.max_intensity)
+
+
+def _counts_of_jots(
+    images: GrayImages, pixels: PixelCounts, sensor: Sensor, threads: int | None
+) -> tuple[Any, Any]:
+    """Return the number of ones of each jot, (N, H·K̂, W·K̂), and that of its valid bits."""
+    if sensor.oversampling == 1:
+        return pixels.counts, pixels.trials
+    reason = "jots of one pixel differ in their efficiency or dark counts"
+    if sensor.kernel != "box":
+        reason = f"the light of a {sensor.kernel} kernel differs from jot to jot"
+    bits = [require_bits(image, reason) for image in images.data]
+    ones = count_ones(bits, 1, mask=sensor.mask, threads=threads)
+    if sensor.mask is None:
+        return ones, sensor.frames
+    return ones, np.where(sensor.mask, 0.0, float(sensor.frames))
 
 
 def _refuse_merged(images: GrayImages, sensor: Sensor) -> None:
