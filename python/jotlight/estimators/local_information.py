@@ -14,8 +14,8 @@ _MIN_BLUR = 2.0
 """The smallest standard deviation, in pixels, of the Gaussian for the local fraction of ones."""
 
 _MIN_COUNT = 20.0
-"""The Gaussian window contains so many ones on average, and so many zeros. In a smaller window, a
-one in a dim scene would be its own neighborhood, which would look bright."""
+"""The smallest number of ones that the Gaussian window contains on average, and of zeros. In a
+smaller window, a one in a dim scene would be its own neighborhood, which would look bright."""
 
 _PAD = 3 / 8
 """The ones, and the zeros, that are added to those of a window, so that the fraction of ones is
