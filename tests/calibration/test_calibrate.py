@@ -7,6 +7,7 @@ from scipy.stats import beta, binom
 import jotlight as jl
 from jotlight.calibration import fit_bulk
 from jotlight.calibration.dead_jots import MIN_RESPONSE
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.sensing.provenance import Provenance
 
 SHAPE = (160, 160)
@@ -109,9 +110,9 @@ def test_hot_jots_are_found_and_do_not_pull_at_the_bulk(share):
     assert calibration.bulk.mean == pytest.approx(alone.mean, rel=0.02)
 
 
-def test_dark_counts_are_most_likely_and_finite():
+def test_dark_counts_of_hot_jots_are_most_likely_and_finite():
     ones = np.full((16, 16), 3)
-    ones[0, 0], ones[0, 1], ones[0, 2] = 1000, 0, 400
+    ones[0, 0], ones[0, 1], ones[0, 2] = 1000, 600, 400
     for threshold in (1, 2):
         calibration = jl.calibrate(ones, frames=1000, threshold=threshold)
         sensor = jl.Sensor(threshold=threshold, dark_counts=calibration.dark_counts)
@@ -119,6 +120,37 @@ def test_dark_counts_are_most_likely_and_finite():
         np.testing.assert_allclose(np.delete(again, 0), np.delete(ones, 0), atol=1e-3)
         assert again[0, 0] == pytest.approx(999.5, abs=0.01)
         assert calibration.mask[0, 0]
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+@pytest.mark.parametrize("frames", [100, 1000, 20_000])
+def test_dark_counts_of_ordinary_jots_are_better_than_their_mean_and_their_counts(
+    threshold, frames
+):
+    rng = np.random.default_rng(0)
+    rates = rng.gamma(4, 0.002 if threshold == 1 else 0.1, (96, 96))
+    sensor = jl.Sensor(threshold=threshold, dark_counts=rates)
+    ones = rng.binomial(frames, sensor.probability(np.zeros((96, 96))))
+    found = jl.calibrate(ones, frames=frames, threshold=threshold)
+    ordinary = ~found.hot
+    truth, raw = rates[ordinary], JotCounts(ones, frames, threshold).detections()[ordinary]
+    error = np.square(found.dark_counts[ordinary] - truth).mean()
+    assert error < np.square(raw - truth).mean()
+    assert error < np.square(truth.mean() - truth).mean()
+    again = sensor.replace(dark_counts=found.dark_counts).probability(np.zeros((96, 96)))
+    assert again[ordinary].sum() * frames == pytest.approx(ones[ordinary].sum(), rel=1e-3)
+
+
+def test_a_short_dark_capture_is_no_worse_than_one_number():
+    rng = np.random.default_rng(0)
+    dark, light = rng.gamma(4, 0.00025, (96, 96)), 0.002
+    calibration = jl.calibrate(rng.binomial(200, -np.expm1(-dark)), frames=200)
+    counts = rng.binomial(20_000, -np.expm1(-dark - light))
+    error = {}
+    for name, known in (("map", calibration.dark_counts), ("number", float(dark.mean()))):
+        sensor = jl.Sensor(frames=20_000, gain=20_000.0, dark_counts=known)
+        error[name] = np.square(jl.mle(counts, sensor) - light).mean()
+    assert error["map"] < 1.05 * error["number"]
 
 
 def test_hot_jots_that_are_not_too_hot_are_used():

@@ -16,9 +16,10 @@ In reading order:
   displacements of blocks, from a template. ``smoothing``, ``affine_curve``, ``shrinkage``,
   ``deformation_prior``: their curves in time. ``track``: what is known while they are estimated.
   ``kept_sums``: the sums of blocks meanwhile.
-- ``outlines``, ``segment_outlines``, ``short_outlines``, ``depth``: which pixels follow which motion, and what is in
-  front. ``labels``: the values of pixels by the motion that they follow. ``added_tiles``: tiles
-  that move by themselves. ``likelihood_gain``: how much better a motion is than none.
+- ``outlines``, ``segment_outlines``, ``short_outlines``, ``depth``: which pixels follow which
+  motion, and what is in front. ``labels``: the values of pixels by the motion that they follow.
+  ``added_tiles``: tiles that move by themselves. ``likelihood_gain``: how much better a motion is
+  than none.
 - ``merge``: the counts of all bits along a motion; ``merged_pixels`` adds up their jots.
   ``consistency``, ``stricter_test``, ``disagreement``, ``flags``, ``still_window``: which bits
   agree, and how much; which pixels not to trust; and when a window without motion is better.
