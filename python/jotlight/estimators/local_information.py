@@ -8,7 +8,7 @@ from jotlight.interrupts import interruptible
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array, inverse_detection_probability
-from jotlight.sensing.stacks import image_sums
+from jotlight.sensing.stacks import each_image, image_sums
 
 _MIN_BLUR = 2.0
 """The smallest standard deviation, in pixels, of the Gaussian for the local fraction of ones."""
@@ -70,33 +70,31 @@ def local_information(
     share = _shares(likelihood, trials, constant)
     counted, trials = share * likelihood.ones, share * trials
     sums = image_sums(counted), image_sums(trials)
-    results = [
-        _information_of_image(likelihood, *image)
-        for image in zip(operator.adjoint(counted), operator.adjoint(trials), *sums, strict=True)
-    ]
-    information, skewness = (np.stack(each) for each in zip(*results, strict=True))
+    images = operator.adjoint(counted), operator.adjoint(trials)
+    odds = np.stack([_local_odds(*image) for image in zip(*images, *sums, strict=True)])
+    mean_bits = sums[1] / odds[0].size
+    information = np.empty(odds.shape)
+    for bits in np.unique(mean_bits):
+        same = mean_bits == bits
+        information[same] = _information_of_bits(likelihood, bits, odds[same])
+    # (1 - 2p)² / (p (1 - p)) is (1 - odds)² / odds.
+    skewness = (1 - odds) ** 2 / (each_image(mean_bits, odds) * odds)
     information *= np.mean(likelihood.efficiency * light_of_ones) ** 2
     return (information, skewness) if problem.is_stack else (information[0], skewness[0])
 
 
-def _information_of_image(
-    likelihood: Likelihood, counted: Array, trials: Array, all_ones: float, all_bits: float
-) -> tuple[Array, Array]:
-    """Return the information of each pixel about its light, and the squared skewness."""
+def _local_odds(counted: Array, trials: Array, all_ones: float, all_bits: float) -> Array:
+    """Return the odds of a one in the neighborhood of each pixel of an image."""
     pixels, dimensions = counted.size, counted.ndim
     rare = (min(all_ones, all_bits - all_ones) + _PAD) / pixels
     # A Gaussian has the noise of a uniform window of (4 π σ²)^(dimensions / 2) pixels.
     side = max((_MIN_COUNT / rare) ** (1 / dimensions), math.sqrt(4 * math.pi) * _MIN_BLUR)
     side = min(side, max(counted.shape))
-    sigma = side / math.sqrt(4 * math.pi)
-    ones, valid = _blur(np.stack([counted, trials]), sigma)
-    bits = all_bits / pixels
+    ones, valid = _blur(np.stack([counted, trials]), side / math.sqrt(4 * math.pi))
     fraction = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), all_ones / all_bits)
     fraction = np.clip(fraction, 0, 1)
-    pad = _PAD / min(side**dimensions, pixels)
-    ones, zeros = bits * fraction + pad, bits * (1 - fraction) + pad
-    skewness = (ones - zeros) ** 2 / (bits * ones * zeros)
-    return bits * _information_of_bit(likelihood, ones / zeros), skewness
+    bits, pad = all_bits / pixels, _PAD / min(side**dimensions, pixels)
+    return np.asarray((bits * fraction + pad) / (bits * (1 - fraction) + pad))
 
 
 def _blur(images: Array, sigma: float) -> Array:
@@ -124,14 +122,17 @@ def _shares(likelihood: Likelihood, trials: Array, constant: Array) -> float | A
     return shares
 
 
-def _information_of_bit(likelihood: Likelihood, odds: Array) -> Array:
-    """Return the information of one bit about its light, at the odds of a one."""
+def _information_of_bits(likelihood: Likelihood, bits: float, odds: Array) -> Array:
+    """Return the information of some bits about their light, at the odds of a one."""
     from scipy.special import expit
 
-    # Its logarithm is a smooth function of the log-odds alone, so a table suffices.
-    logarithms = np.log(odds)
-    nodes = np.linspace(logarithms.min(), logarithms.max(), _TABLE_SIZE)
+    # Its logarithm is a smooth function of the log-odds alone, so a table suffices. The pad is at
+    # least that of a window of the whole image, so no odds are outside the table.
+    pad = _PAD / odds[0].size
+    largest = np.log((bits + pad) / pad)
+    nodes = np.linspace(-largest, largest, _TABLE_SIZE)
     rates = inverse_detection_probability(likelihood.threshold, expit(nodes), expit(-nodes))
     none = np.zeros(_TABLE_SIZE, np.int32)
     one_bit = Likelihood(none, 1, threshold=likelihood.threshold, threads=likelihood.threads)
-    return np.asarray(np.exp(np.interp(logarithms, nodes, np.log(one_bit.information(rates)))))
+    table = np.log(one_bit.information(rates))
+    return np.asarray(bits * np.exp(np.interp(np.log(odds), nodes, table)))
