@@ -16,7 +16,7 @@ from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array
 from jotlight.sensing.stacks import dots, each_image, image_means, select
 
-INITIAL_PENALTY = 3.0
+INITIAL_PENALTY = 6.0
 """The initial penalty of the differences, in units of the weight over the mean intensity."""
 
 _JOT_PENALTY = 3.0
