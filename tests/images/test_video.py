@@ -62,6 +62,26 @@ def test_an_mp4_contains_every_image(tmp_path, shape):
     np.testing.assert_allclose(levels, np.arange(6) * 51, atol=6)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_an_mp4_states_its_colors(tmp_path, channels):
+    program = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
+    colors = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [200, 120, 40]], np.float32) / 255
+    image = colors.repeat(16, axis=0)[None].repeat(16, axis=0)[(..., *[0] * (not channels))]
+    with video_writer(tmp_path / "a.mp4") as add:
+        add(image)
+    source = [program, "-i", str(tmp_path / "a.mp4")]
+    described = subprocess.run(source, capture_output=True, check=False).stderr
+    assert b"yuv420p(tv, bt709/bt709/iec61966-2-1" in described
+    # Tags alone would change the colors of players that read them.
+    for matrix in ([], ["-vf", "scale=in_color_matrix=bt709"]):
+        words = [*source, *matrix, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+        done = subprocess.run(words, capture_output=True, check=True)
+        levels = np.frombuffer(done.stdout, np.uint8).reshape(16, 64, 3)[8, 8::16]
+        shown = np.broadcast_to(image[8, 8::16].reshape(4, -1), (4, 3))
+        np.testing.assert_allclose(levels, 255 * shown, atol=3)
+
+
 @pytest.mark.parametrize("shape", [(5, 7), (32, 48, 3)])
 def test_a_gif_contains_every_image(tmp_path, shape):
     with video_writer(tmp_path / "a.gif", 4, fps=10) as add:

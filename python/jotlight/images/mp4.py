@@ -16,6 +16,20 @@ from jotlight.output_files import described_error
 _QUALITY = 10
 """Constant rate factor of x264. Smaller is better, and viewers see no loss up to 17."""
 
+_COLORS = {
+    "range": "tv",
+    "colorspace": "bt709",
+    "color_primaries": "bt709",
+    "color_trc": "iec61966-2-1",
+}
+"""What the file states about its colors: those of sRGB, as in a PNG, with the matrix of BT.709.
+
+Without a statement, players guess a matrix by the size of the images.
+"""
+
+_SCALE = "out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd+full_chroma_int"
+"""How RGB or gray levels become Y'CbCr."""
+
 
 @contextlib.contextmanager
 def mp4_writer(path: Path, fps: float) -> Iterator[Callable[[FloatImage], None]]:
@@ -60,7 +74,9 @@ class _Encoder:
         pixels = "gray" if len(shape) == 2 else "rgb24"
         size = f"{shape[1]}x{shape[0]}"
         source = ["-f", "rawvideo", "-pix_fmt", pixels, "-s", size, "-r", str(fps), "-i", "-"]
-        codec = ["-c:v", "libx264", "-crf", str(_QUALITY), "-pix_fmt", "yuv420p", "-v", "error"]
+        stated = ":".join(f"{name}={value}" for name, value in _COLORS.items())
+        colors = ["-vf", f"scale={_SCALE},format=yuv420p,setparams={stated}"]
+        codec = [*colors, "-c:v", "libx264", "-crf", str(_QUALITY), "-v", "error"]
         self._path = path
         self._process = subprocess.Popen(  # noqa: S603
             [imageio_ffmpeg.get_ffmpeg_exe(), "-y", *source, *codec, f"file:{path}"],
