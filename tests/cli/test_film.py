@@ -77,6 +77,21 @@ def test_pixels_brighter_than_the_limit_are_reported_once(run, tmp_path, monkeyp
     assert "saturate only at 6.68; --max-intensity 6.68 lets them be brighter" in output
 
 
+@pytest.mark.filterwarnings("always")
+def test_images_that_are_brighter_than_the_white_of_the_film_are_reported(run, tmp_path):
+    bits = SENSOR.expose(SCENE / 20, rng=0).to_array()
+    # Neither the first, nor the middle, nor the last window.
+    bits[8:16] = SENSOR.expose(SCENE, rng=1).to_array()[8:16]
+    jl.save(jl.Bits.from_array(bits, SENSOR), "flash.npy")
+    arguments = ["film", "flash.npy", "-m", "mle", "--window", 8, "--step", 8]
+    status, output = run(*arguments, "-o", "film")
+    assert status == 0, output
+    assert "of the pixels of image 1 are brighter than white, " in output
+    assert "; --white " in output
+    for name, options in (("chosen", ["--white", 2]), ("film.npy", [])):
+        assert "brighter than white" not in run(*arguments, "-o", name, *options)[1]
+
+
 @pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 def test_images_of_counts_are_filmed(run, capture, tmp_path):
     counts = capture.to_array().reshape(10, 4, 24, 30).sum(axis=1).astype(np.uint16)

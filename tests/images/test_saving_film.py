@@ -80,7 +80,7 @@ def test_a_generator_that_becomes_brighter_is_clipped_with_one_warning(tmp_path)
     images[2, :3, :, 1], images[3] = 2, 7
     message = (
         "images: 80 % of the pixels of 2 images, the first of them image 2, are brighter than "
-        "white, 1; pass white=7, the largest value, or a list"
+        r"white, 1; white=7 \(--white 7\) shows the largest value, or pass a list of all images"
     )
     with pytest.warns(jl.JotlightWarning, match=message) as warned:
         jl.save_film(tmp_path / "a.gif", iter(images))

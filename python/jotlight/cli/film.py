@@ -80,6 +80,8 @@ def film(
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
     summary = _write(job, outputs, motion, spans, threads)
     report(*film_lines(job, outputs, spans, summary))
+    if summary.clipping is not None:
+        summary.clipping.report()
     report_assumptions(job, Brightness(summary.maximum, summary.brightness))
     whole = _sensor_of_all(job, outputs.window)
     caution_about_jots(dataclasses.replace(job.captured, sensor=whole), threads)
@@ -124,7 +126,7 @@ def _write(
                 # Sums of moving frames are about as bright as merged ones, and take less time.
                 begin("choosing the tone curve", 0)
                 samples = [_estimate(job, data[span], threads) for span in representatives(spans)]
-                summary.tone = outputs.fit_tone(np.stack(samples))
+                summary.tone, summary.clipping = outputs.fit_film_tone(samples)
             with video_writer(
                 outputs.output, len(spans), tone=summary.tone, fps=outputs.fps, depth=outputs.depth
             ) as add:

@@ -11,6 +11,7 @@ from jotlight.cli.output_options import FilmOptions, describe_tone
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.demosaicing import TITLES
 from jotlight.formats.capture import Capture
+from jotlight.images.clipping import Clipping
 from jotlight.images.tone import Tone
 from jotlight.motion.film_image import FilmImage
 from jotlight.sensing.bits import Bits
@@ -24,6 +25,8 @@ class FilmSummary:
     """Whether images also count bits from before their windows."""
     tone: Tone | None = None
     """The tone curve of a film for display."""
+    clipping: Clipping | None = None
+    """What counts pixels that are brighter than its white, unless the user has chosen this."""
     seconds: float = 0.0
     """Computing time."""
     images: int = 0
@@ -48,6 +51,8 @@ class FilmSummary:
         self.minimum = min(self.minimum, float(image.min()))
         self.maximum = max(self.maximum, float(image.max()))
         self.brightness = max(self.brightness, float(np.quantile(image, BRIGHTNESS_QUANTILE)))
+        if self.clipping is not None:
+            self.clipping.count(image)
 
     def add_motion(self, image: FilmImage) -> None:
         """Add the motion of an image."""

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,10 +15,11 @@ from jotlight.errors import percent_advice, warn
 from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.records import image_facts, tone_facts
+from jotlight.images.clipping import Clipping
 from jotlight.images.exposure import display_tone
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, check_depth, image_writer
-from jotlight.images.tone import CURVES, Tone, check_curve
+from jotlight.images.tone import CURVES, PERCENTILE, Tone, check_curve
 from jotlight.images.video import DEFAULT_FPS, check_fps, is_floats
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.provenance import Provenance
@@ -247,6 +249,19 @@ class FilmOptions(OutputOptions):
     fps: Annotated[
         float, Parameter(group=FILM_PANEL, help="Images per second of a .mp4 or .gif, from 0.01.")
     ] = DEFAULT_FPS
+
+    def fit_film_tone(
+        self, samples: Sequence[npt.NDArray[np.float32]]
+    ) -> tuple[Tone, Clipping | None]:
+        """Return the tone curve for all images, and what counts the brighter pixels.
+
+        The white is that of some images, the samples. One of them may have all of the pixels above
+        their percentile. A white that the user has chosen may clip any image.
+        """
+        tone = self.fit_tone(np.stack(samples))
+        if self.white is not None:
+            return tone, None
+        return tone, Clipping(tone.white, len(samples) * (1 - PERCENTILE / 100))
 
     def check(self) -> None:
         """Raise ValueError or OSError for options that do not suit a film."""

@@ -13,6 +13,7 @@ from jotlight.checks import positive_number, refuse_masked, to_array, type_of
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
+from jotlight.images.clipping import Clipping
 from jotlight.images.exposure import Exposure, expose, find_white
 from jotlight.images.io import DISPLAYED, image_writer
 from jotlight.images.tone import PERCENTILE, Tone
@@ -173,7 +174,9 @@ def save_film(
     if tone is None and is_displayed:
         exposure, images = _exposed(images)
         exposure.report("images")
-        tone, clipping = Tone("linear", exposure.white), _Clipping(exposure)
+        # A warning about white announced that a few pixels of each image are brighter.
+        clipping = Clipping(exposure.white, 1 - PERCENTILE / 100 if exposure.is_clipped else None)
+        tone = Tone("linear", exposure.white)
     with (
         shown_progress(progress, f"writing {path.name}") as update,
         video_writer(path, number, tone=tone, fps=fps, depth=depth) as add,
@@ -182,14 +185,14 @@ def save_film(
             values = _checked(image, is_displayed)
             add(values.astype(np.float32))
             if clipping:
-                clipping.count(index, values)
+                clipping.count(values)
             if tone and is_displayed and not is_negative:
                 name = f"images[{index}]"
                 is_negative = _warn_of_negatives(name, values, tone.white, depth)
             if number:
                 update((index + 1) / number)
     if clipping:
-        clipping.report()
+        clipping.report(", or pass a list of all images")
 
 
 def _refuse_data(name: str, data: object) -> None:
@@ -235,40 +238,6 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
     if is_displayed and not np.isfinite(values).all():
         raise ValueError("image: expected finite values, got NaN or infinity")
     return values
-
-
-class _Clipping:
-    """Counts the pixels that are brighter than the white of a film."""
-
-    def __init__(self, exposure: Exposure) -> None:
-        self._white = exposure.white
-        # A warning about white announced that a few pixels of each image are brighter.
-        self._announced = 1 - PERCENTILE / 100 if exposure.is_clipped else None
-        self._images: list[int] = []
-        self._bright = self._pixels = 0
-        self._largest = 0.0
-
-    def count(self, index: int, values: npt.NDArray[Any]) -> None:
-        """Count the pixels of an image, (H, W) or (H, W, 3)."""
-        brightest = values.max(axis=2) if values.ndim == 3 else values
-        is_bright = brightest > self._white
-        bright = int(np.count_nonzero(is_bright))
-        if bright > (0 if self._announced is None else self._announced * is_bright.size + 1):
-            self._images.append(index)
-            self._bright += bright
-            self._pixels += is_bright.size
-            self._largest = max(self._largest, float(values.max()))
-
-    def report(self) -> None:
-        """Warn about the images that were counted."""
-        if self._images:
-            first, number = self._images[0], len(self._images)
-            where = f"{number} images, the first of them image {first}," if number > 1 else ""
-            warn(
-                f"images: {100 * self._bright / self._pixels:.3g} % of the pixels of "
-                f"{where or f'image {first}'} are brighter than white, {self._white:.3g}; pass "
-                f"white={self._largest:.3g}, the largest value, or a list of all images"
-            )
 
 
 def _exposed(images: Iterable[npt.ArrayLike]) -> tuple[Exposure, Iterable[npt.ArrayLike]]:
