@@ -213,6 +213,7 @@ def test_images_can_use_only_earlier_frames_and_remember(run, moving, tmp_path, 
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:window. the film network")
 def test_the_film_network_reads_each_last_image(run, moving, tmp_path):
     arguments = ["film", "moving.npy", "--motion", "--recurrent", "--causal", "--window", 24]
     status, output = run(*arguments, "--step", 8, "-o", "film.npy", "--motion-model", "affine")

@@ -10,6 +10,7 @@ from moving import record
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:window. the film network")
 def test_the_film_network_has_both_precisions(run, tmp_path):
     _, moving = record("shake", shape=(48, 64))
     jl.save(moving, tmp_path / "moving.npy")

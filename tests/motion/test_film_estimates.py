@@ -1,6 +1,7 @@
 """Images of films by the film network: what it reads, its last image, and bad input."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -220,6 +221,20 @@ def test_the_pretrained_network_is_better_where_motion_is_unknown():
         rows.append([psnr(each, truth, data_range=1.0) for each in (merged, found)])
     merged, found = np.mean(rows, axis=0)
     assert found > merged + 0.2
+
+
+@pytest.mark.parametrize(("frames", "number"), [(48, 1), (64, 0)])
+def test_windows_that_are_shorter_than_those_of_the_training_are_reported_once(frames, number):
+    _, bits = burst("static", frames=frames + 8, shape=(32, 32))
+    estimates = FilmEstimates(INITIAL)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        for image in film(bits, window=frames, step=8, model="none"):
+            estimates.add(image)
+    texts = [str(each.message) for each in warned if "film network" in str(each.message)]
+    assert len(texts) == number
+    for text in texts:
+        assert "is for windows of 64 to 256 frames, got 48; jotlight.reconstruct(image" in text
 
 
 def test_colors_finer_grids_and_smooth_kernels_are_refused(shaken):

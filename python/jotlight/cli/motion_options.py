@@ -102,7 +102,8 @@ class FilmMotionOptions(MotionOptions):
         bool,
         Parameter(
             help="Estimate the images of a gray film with the film network. It also reads its last "
-            "image, if --step is at most half of --window, or less than --window with --causal."
+            "image, if --step is at most half of --window, or less than --window with --causal. "
+            "It is for windows of 64 to 256 frames."
         ),
     ] = False
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.motion.film_image import FilmImage
 from jotlight.networks.film_network import FilmNetwork
@@ -32,6 +33,9 @@ _MAX_RATIO = 8.0
 corrects an image. In the films of its training, it is below 4. It is larger in brackets with a wide
 range of light. With a ratio of 50, the network lost 2 dB."""
 
+_TRAINED = 64, 256
+"""Minimum and maximum number of frames of the windows in the films of its training."""
+
 _MANY, _FEW = 0.9, 0.1
 """Fractions of the pixels with fewer trials than those with many, and than those with few."""
 
@@ -45,7 +49,7 @@ class FilmEstimates:
     time of the image, those of the four sixteenths next to it, and its own last image. It reads
     the last image only if the window contains its time: if the step is at most half of the window,
     or shorter than the window in a causal film. The network that comes with jotlight was trained
-    for windows of 64 to 256 frames.
+    for windows of 64 to 256 frames. For shorter ones, its images are worse than those of "large".
 
     Parameters
     ----------
@@ -60,9 +64,9 @@ class FilmEstimates:
     >>> from jotlight import Sensor
     >>> from jotlight.datasets import moving
     >>> from jotlight.motion.film import film
-    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1)
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=80), shape=(64, 64), photons=0.5, rng=1)
     >>> estimates = FilmEstimates()
-    >>> [estimates.add(image).shape for image in film(scene.bits, window=32, step=8, causal=True)]
+    >>> [estimates.add(image).shape for image in film(scene.bits, window=64, step=8, causal=True)]
     [(64, 64), (64, 64), (64, 64)]
     """
 
@@ -74,6 +78,7 @@ class FilmEstimates:
         self._last: Image | None = None
         """z = arcsin √p of the last image."""
         self._time = 0.0
+        self._has_warned = False
 
     def add(self, image: FilmImage) -> Image:
         """Return the intensities in [0, S] of the next image of the film, (H, W).
@@ -85,6 +90,11 @@ class FilmEstimates:
         ValueError
             When the image has colors or a finer grid, which the network does not read, or when its
             sensor has a smooth kernel.
+
+        Warns
+        -----
+        JotlightWarning
+            When the window has fewer than 64 frames. There is one warning for a film.
         """
         shape = image.merged.shape
         image = _without_channel_axis(image)
@@ -98,8 +108,21 @@ class FilmEstimates:
         probability = np.clip(found, 0, 1)
         self._last = arcsin_root(probability)
         self._time = image.time
+        self._warn_about_window(image)
         intensity = intensity_from_probability(probability, image.merged.sensor, self._threads)
         return intensity.reshape(shape)
+
+    def _warn_about_window(self, image: FilmImage) -> None:
+        """Warn once if the window of an image is shorter than those of the training."""
+        frames, (shortest, longest) = image.merged.sensor.frames, _TRAINED
+        if self._has_warned or frames >= shortest:
+            return
+        self._has_warned = True
+        warn(
+            f"window: the film network is for windows of {shortest} to {longest} frames, got "
+            f'{frames}; jotlight.reconstruct(image.data, quality="large") (--quality large in '
+            "place of --recurrent) is better for shorter ones"
+        )
 
     def planes_of(self, image: FilmImage) -> tuple[Image, float]:
         """Return what the network reads of the next image, and its usual number of trials."""
@@ -193,8 +216,8 @@ def estimate_film(
     >>> from jotlight import Sensor
     >>> from jotlight.datasets import moving
     >>> from jotlight.motion.film import film
-    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1)
-    >>> len(list(estimate_film(film(scene.bits, window=32, step=8))))
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=80), shape=(64, 64), photons=0.5, rng=1)
+    >>> len(list(estimate_film(film(scene.bits, window=64, step=8))))
     3
     """
     estimates = FilmEstimates(network, threads=threads)
