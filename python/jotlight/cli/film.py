@@ -25,6 +25,7 @@ from jotlight.cli.output_options import FilmOptions
 from jotlight.cli.reconstruction import Brightness, report_assumptions
 from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.errors import hide_warnings
 from jotlight.evaluation.choice import FILM_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records import tone_facts
@@ -123,9 +124,8 @@ def _write(
     with atomic_write_together([], records.paths(), output=outputs.output) as files:
         with progress(len(spans)) as begin:
             if not is_floats(outputs.output):
-                # Sums of moving frames are about as bright as merged ones, and take less time.
                 begin("choosing the tone curve", 0)
-                samples = [_estimate(job, data[span], threads) for span in representatives(spans)]
+                samples = _samples(job, outputs, motion, spans, threads)
                 summary.tone, summary.clipping = outputs.fit_film_tone(samples)
             with video_writer(
                 outputs.output, len(spans), tone=summary.tone, fps=outputs.fps, depth=outputs.depth
@@ -153,6 +153,26 @@ def _has_memory(outputs: FilmOptions, motion: FilmMotionOptions) -> bool:
     return motion.motion and remembers(
         motion.memory, window, step, causal=motion.causal, upsample=motion.factor
     )
+
+
+def _samples(
+    job: Reconstruction,
+    outputs: FilmOptions,
+    motion: FilmMotionOptions,
+    spans: list[slice],
+    threads: int | None,
+) -> list[Image]:
+    """Return the estimates of a few windows, each as the first image of a film.
+
+    Sums without motion would be darker than the images where the scene is bright.
+    """
+    found = []
+    for span in representatives(spans):
+        part = dataclasses.replace(job.captured, data=job.captured.data[span])
+        alone = dataclasses.replace(job, captured=part), outputs, motion
+        with hide_warnings():  # the images of the film repeat them
+            found += _images(*alone, [slice(0, outputs.window)], FilmSummary(False), threads)
+    return found
 
 
 def _images(
