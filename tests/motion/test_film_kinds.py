@@ -1,4 +1,4 @@
-"""Films behind a color mosaic: sums over squares, merged colors, and still windows."""
+"""Films of several kinds of jots: sums over squares, merged colors, and still windows."""
 
 import numpy as np
 import pytest
@@ -126,19 +126,6 @@ def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
         assert colors.sensor_of_squares(stop - start) == own
 
 
-@pytest.mark.slow
-def test_a_motion_that_is_lost_flags_every_pixel():
-    _, bits = small()
-    part = bits[:WINDOW]
-    motion = jl.align(*in_squares(part, part.sensor, None))
-    found = {}
-    for is_lost in (False, True):
-        colors = FilmKinds(part.sensor, SIZE, film_settings(WINDOW, STEP, memory=False))
-        merged, _ = colors.merge(part, motion, 0, is_lost=is_lost)
-        found[is_lost] = merged.flags.mean()
-    assert found[True] == 1 > found[False]
-
-
 def test_what_cannot_be_merged_is_refused_before_the_first_image():
     zeros = np.zeros((32, 32, 32), bool)
     for mosaic in ("RGBW", "CMYG", Mosaic("RGGB", white_balance=(2, 1, 1))):
@@ -155,33 +142,25 @@ def test_what_cannot_be_merged_is_refused_before_the_first_image():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("oversampling", [1, (2)])
-def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
-    monkeypatch, oversampling
-):
+@pytest.mark.parametrize("pattern", ["mosaic", "threshold"])
+def test_no_short_window_replaces_the_bits_along_a_motion(monkeypatch, pattern):
+    random = np.random.default_rng(0).integers(1, 3, (48, 64))
+    kinds = {"mosaic": "RGGB"} if pattern == "mosaic" else {"threshold": random}
     scene = jl.datasets.moving(
-        jl.datasets.photograph("astronaut").astype(np.float64),
+        jl.datasets.photograph("astronaut" if pattern == "mosaic" else "camera"),
         "shake",
-        sensor=jl.Sensor(frames=48, mosaic="RGGB", oversampling=oversampling),
+        sensor=jl.Sensor(frames=48, **kinds),
         shape=(48, 64),
         photons=0.5,
         rng=4,
     )
-    bits = jl.Bits(np.asarray(scene.bits.packed), 64 * oversampling, scene.sensor)
-    # No motion is better than any window.
+    # Each window without motion would be better than any motion.
     monkeypatch.setattr("jotlight.motion.merge._MAX_FLAGGED", -1.0)
     monkeypatch.setattr("jotlight.motion.still_window._MIN_LEAD", np.inf)
-    with pytest.warns(jl.JotlightWarning, match="only .* frames are used") as caught:
-        image = next(iter(film(bits, window=32, step=8)))
-    number = int(str(caught[0].message).split("only ")[1].split()[0])
-    assert number < 32
-    assert image.merged.shape == (48, 64, 3)
-    assert image.merged.flags.all()
-    assert image.data.shape == (number, 48 * oversampling, 64 * oversampling)
-    first = 16 - number // 2
-    expected = np.asarray(bits.packed)[first : first + number]
-    np.testing.assert_array_equal(np.asarray(image.data.packed), expected)
-    assert jl.reconstruct(image.data).shape == (48, 64, 3)
+    image = next(iter(film(scene.bits, window=32, step=8)))
+    assert image.data is image.merged
+    assert not image.is_rejected
+    assert not image.merged.flags.all()
 
 
 @pytest.mark.slow

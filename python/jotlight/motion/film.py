@@ -147,7 +147,7 @@ def _corrected(image: FilmImage, converted: ReadingCounts, threads: int | None) 
         still = range(cycle * still.start, cycle * still.stop)
     data: Merged | Bits | Readings = merged
     if not isinstance(image.data, Merged):  # counts behind a mosaic that are not merged
-        first = cycle * image.start + (still.start if still else 0)
+        first = cycle * image.start
         data = converted.readings[first : first + cycle * len(image.data)]
 
     def count_nearest() -> tuple[Merged, ...]:

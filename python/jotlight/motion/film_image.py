@@ -43,14 +43,14 @@ class FilmImage:
         Whether the motion is that of the image before, with new blocks at its end.
     data : Merged, Bits, or Readings
         The data to pass to :func:`jotlight.reconstruct`. In most cases, they are `merged`. Behind a
-        mosaic, and with a map of thresholds, they are bits or readings in two cases: those of the
-        window if the scene stands still, and those of fewer frames if no motion explains the scene.
-        The flags of `merged` then say nothing about the image.
+        mosaic, and with a map of thresholds, they are the bits or readings of the window if the
+        scene stands still. The flags of `merged` then say nothing about the image.
     count_nearest : callable
         A function that returns :attr:`nearest`.
     still : range, optional
         The frames of the window whose sums without motion are shown, because merging has rejected
-        the motion. None if the bits are merged along it.
+        the motion. None if the bits are merged along it, as always behind a mosaic and with a map
+        of thresholds.
     """
 
     merged: Merged

@@ -83,7 +83,7 @@ class FilmKinds:
         return self._squares.sensor(frames)
 
     def merge(
-        self, part: Bits | CountStack, of_squares: Motion, start: int, *, is_lost: bool
+        self, part: Bits | CountStack, of_squares: Motion, start: int
     ) -> tuple[Merged, Motion]:
         """Return the merged counts of a window, and its motion in jots.
 
@@ -95,8 +95,6 @@ class FilmKinds:
             The motion of the squares.
         start : int
             The first frame of the window.
-        is_lost : bool
-            Whether the motion does not explain the squares. All pixels are then flagged.
         """
         motion = enlarge_motion(of_squares, self._squares.side, self._size)
         edges = window_edges(len(part), self._settings.step)
@@ -105,13 +103,7 @@ class FilmKinds:
             burst, _ = prepare_burst(part, kind.sensor, may_repeat=True)
             paths = paths_along(burst, kind.sensor, motion, threads, edges)
             found.append(kind.merge(paths, motion, start, memory)[0])
-        merged = join_kinds(found, self._sensor, threads)
-        if is_lost:
-            merged = dataclasses.replace(merged, flags=np.ones(merged.shape[:2], bool))
-            for _, memory in self._of_kinds:
-                if memory is not None:
-                    memory.forget()
-        return merged, motion
+        return join_kinds(found, self._sensor, threads), motion
 
 
 class KindsFilmState:
@@ -135,15 +127,11 @@ class KindsFilmState:
         around = settings.more_frames(known.numbers, start)
         squares = FilmFrames(kinds.squares(known, around), around.start)
         found = film_of_squares.next_image(squares, start)
-        part, still = _of_sensor(window, self._sensor), found.still
-        merged, motion = kinds.merge(part, found.motion, start, is_lost=found.is_rejected)
+        part = _of_sensor(window, self._sensor)
+        merged, motion = kinds.merge(part, found.motion, start)
         # Film replaces counts by the readings that they stand for.
-        data: Any = merged
-        if motion.model == "none":
-            data = part
-        elif still is not None:
-            data = part[still.start : still.stop]
-        return FilmImage(merged, motion, start, found.is_carried, data, still=still)
+        data: Any = part if motion.model == "none" else merged
+        return FilmImage(merged, motion, start, found.is_carried, data)
 
     def _first_parts(self, data: Bits | CountStack) -> tuple[FilmKinds, FilmState]:
         """Return the kinds of jots of frames, and the film of their squares before its images."""
@@ -151,7 +139,11 @@ class KindsFilmState:
         kinds = FilmKinds(self._sensor, (height, width), self._settings, trials_of_frame(data))
         # The kinds have memories of their own.
         settings = dataclasses.replace(self._settings, memory=False)
-        return kinds, FilmState(kinds.sensor_of_squares(settings.window), settings)
+        # Any window predicts what is left of the pattern in the sums, because it stands still, too.
+        # So it would also win over the right motion.
+        return kinds, FilmState(
+            kinds.sensor_of_squares(settings.window), settings, may_stand_still=False
+        )
 
 
 def _of_sensor(window: Bits | CountStack, sensor: Sensor) -> Bits | CountStack:

@@ -31,6 +31,8 @@ class FilmState:
         The sensor of a window.
     settings : FilmSettings
         How the images are made.
+    may_stand_still : bool
+        Whether a short window without motion may replace what its motion does not explain.
 
     Raises
     ------
@@ -38,10 +40,14 @@ class FilmState:
         When the sensor has no finer grid, but the settings ask for it.
     """
 
-    def __init__(self, sensor: Sensor, settings: FilmSettings) -> None:
+    def __init__(
+        self, sensor: Sensor, settings: FilmSettings, *, may_stand_still: bool = True
+    ) -> None:
         check_upsample(settings.upsample, sensor)
         self._settings = settings
-        self._merging = FilmMerging(sensor, settings.step, upsample=settings.upsample)
+        self._merging = FilmMerging(
+            sensor, settings.step, upsample=settings.upsample, may_stand_still=may_stand_still
+        )
         self._schedule = FilmSchedule(settings)
         self._start = 0
         """The number of the first frame of the last window."""
