@@ -218,6 +218,37 @@ def test_other_frames_of_a_live_film_are_refused():
         live.add(np.zeros((4, 16, 16)))
 
 
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        (jl.Sensor(frames=8, threshold=2), "threshold: the data state threshold 2, but"),
+        (jl.Sensor(frames=8, mosaic="RGGB"), "mosaic: .*; pass the sensor of the data unless"),
+    ],
+)
+def test_a_live_film_warns_once_about_frames_of_another_sensor(stated, message):
+    live = LiveFilm(jl.Sensor(), window=16, step=4)
+    bits = jl.Bits.from_array(np.zeros((8, 16, 16), bool), stated)
+    with pytest.warns(jl.JotlightWarning, match=message) as warned:
+        live.add(bits[:4])
+    live.add(bits[4:])  # warnings are errors
+    assert len(warned) == 1
+
+
+@pytest.mark.parametrize(
+    ("sensor", "wrong", "message"),
+    [
+        (jl.Sensor(efficiency=np.full((16, 16), 0.5)), (8, 8), r"efficiency: .* shape \(8, 8\)"),
+        (jl.Sensor(oversampling=4), (16, 18), "multiples of the oversampling 4, got 16 x 18"),
+        (jl.Sensor(mosaic="RGGB"), (16, 16, 3), "expected gray frames"),
+    ],
+)
+def test_frames_that_do_not_fit_a_live_film_are_refused_at_once(sensor, wrong, message):
+    live = LiveFilm(sensor, window=16, step=4)
+    with pytest.raises(ValueError, match=message):
+        live.add(jl.Bits.from_array(np.zeros((4, *wrong), bool)))
+    assert live.add(jl.Bits.from_array(np.zeros((4, 16, 16), bool))) == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("known", [False, True])
 def test_a_live_film_tests_the_periods_of_its_jots_once(monkeypatch, known):

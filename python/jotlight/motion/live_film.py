@@ -8,8 +8,10 @@ from jotlight.motion.film import begin_film
 from jotlight.motion.film_frames import FilmFrames
 from jotlight.motion.film_image import FilmImage
 from jotlight.motion.film_settings import KEPT_WINDOWS, FilmSettings
-from jotlight.motion.jot_kinds import without_kinds
+from jotlight.motion.jot_kinds import frames_of_kinds, without_kinds
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.contradictions import warn_about_contradictions
 from jotlight.sensing.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 
@@ -82,6 +84,7 @@ class LiveFilm:
             upsample=whole_number_in_range("upsample", upsample, 1, 2),
             threads=threads,
         )
+        self._sensor = sensor
         self._state = begin_film(sensor.replace(frames=window), settings)
         self._kept = np.zeros((0, 0, 0), np.uint8)
         """The latest frames, with room for further ones."""
@@ -95,7 +98,13 @@ class LiveFilm:
         Raises
         ------
         TypeError, ValueError
-            When the frames are not bits, or differ in size from earlier ones.
+            When the frames are not bits, do not fit the sensor, or differ in size from earlier
+            ones.
+
+        Warns
+        -----
+        JotlightWarning
+            When the sensor of the first frames contradicts that of the film.
         """
         packed, images = self._packed(frames), []
         while len(packed):
@@ -115,6 +124,8 @@ class LiveFilm:
             )
         packed = np.asarray(frames.packed)
         if self._width == 0:
+            warn_about_contradictions(frames, self._sensor, is_required=True)
+            self._check_fits(frames)
             room = (KEPT_WINDOWS + 1) * self._window
             self._kept, self._width = np.empty((room, *packed.shape[1:]), np.uint8), frames.width
         size = self._kept.shape[1:]
@@ -124,6 +135,12 @@ class LiveFilm:
                 f"{frames.shape[1]} x {frames.width}"
             )
         return packed
+
+    def _check_fits(self, frames: Bits) -> None:
+        """Raise ValueError unless frames fit the sensor."""
+        sensor = self._sensor.replace(frames=len(frames))
+        if frames_of_kinds(frames, sensor) is None:
+            check_fits(frames.shape, sensor)
 
     def _missing(self) -> int:
         """Return the number of frames that are missing for the next image."""

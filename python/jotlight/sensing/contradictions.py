@@ -19,7 +19,9 @@ _MAX_RELATIVE = 1e-3
 """Largest difference of equal ratios of gains, which a caller may have rounded."""
 
 
-def warn_about_contradictions(data: object, sensor: object, argument: str = "sensor") -> list[str]:
+def warn_about_contradictions(
+    data: object, sensor: object, argument: str = "sensor", *, is_required: bool = False
+) -> list[str]:
     """Warn if a sensor contradicts the one that the data carry. Return the parameters that do.
 
     These are the threshold, the mosaic, and the ratios of the gains of frames. Callers may know
@@ -34,6 +36,8 @@ def warn_about_contradictions(data: object, sensor: object, argument: str = "sen
         The sensor that is used in place of their own.
     argument : str
         The argument of the caller that states it, for the message.
+    is_required : bool
+        Whether callers must pass this argument, so that they cannot leave it out.
 
     Examples
     --------
@@ -57,9 +61,12 @@ def warn_about_contradictions(data: object, sensor: object, argument: str = "sen
         verb = "is" if len(found) == 1 else "are"
         is_gray = found == ["mosaic"] and sensor.mosaic is None
         options = ", ".join(f"--{name}" for name in found)
+        advice = f"leave out {argument}= ({options})"
+        if is_required:
+            advice = f"pass the {argument} of the data"
         warn(
-            f"{' and '.join(found)}: the data state {own}, but {other} {verb} used instead; leave "
-            f"out {argument}= ({options}) unless the data are wrong",
+            f"{' and '.join(found)}: the data state {own}, but {other} {verb} used instead; "
+            f"{advice} unless the data are wrong",
             PeriodicRatesWarning if is_gray else JotlightWarning,
         )
     return found
