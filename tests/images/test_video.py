@@ -205,6 +205,20 @@ def test_a_wrong_rate_is_refused(tmp_path, name, fps, message):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["a.npy", "a.tif", "a.gif", "a.mp4"])
+def test_only_a_folder_of_images_may_have_16_bits_per_value(tmp_path, name):
+    if name == "a.mp4":
+        pytest.importorskip("imageio_ffmpeg")
+    suffix = f"got 16 for {name[1:]}"
+    with pytest.raises(ValueError, match=suffix), video_writer(tmp_path / name, depth=16):
+        pass
+    with pytest.raises(ValueError, match=suffix):
+        jl.save_film(tmp_path / name, [RAMP], depth=16)
+    with pytest.raises(ValueError, match=r"depth: expected 8, or 16 for \.png, got 12"):
+        jl.save_film(tmp_path / "a", [RAMP], depth=12)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(("name", "fps"), [("a.gif", 0.01), ("a.mp4", 0.01), ("a.mp4", 10_000)])
 def test_the_ends_of_the_range_are_written(tmp_path, name, fps):
     if name == "a.mp4":

@@ -18,9 +18,9 @@ from jotlight.evaluation.records import image_facts, tone_facts
 from jotlight.images.clipping import Clipping
 from jotlight.images.exposure import display_tone
 from jotlight.images.image_stack import stack_writer
-from jotlight.images.io import DISPLAYED, FLOATS, check_depth, image_writer
+from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, PERCENTILE, Tone, check_curve
-from jotlight.images.video import DEFAULT_FPS, check_fps, is_floats
+from jotlight.images.video import DEFAULT_FPS, check_kind, is_floats
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -275,9 +275,7 @@ class FilmOptions(OutputOptions):
             raise ValueError(f"curve: is for display, not for the floats of {self.output}")
         if self.white is not None and floats:
             raise ValueError(f"white: is for display, not for the floats of {self.output}")
-        # A name without ending is that of a folder of .png.
-        check_depth(self.output.suffix.lower() or ".png", self.depth, floats=".tif or .npy")
-        check_fps(self.output, self.fps)
+        check_kind(self.output, self.fps, self.depth)
         if self.output.suffix == "" and self.output.exists():
             raise FileExistsError(
                 f"cannot write {self.output}: it exists already; choose another name"

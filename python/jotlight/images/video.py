@@ -14,7 +14,7 @@ from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write, refuse_folder
 from jotlight.images.color import FloatImage, fit_channels
 from jotlight.images.gif import MAX_FPS, gif_writer
-from jotlight.images.io import image_writer
+from jotlight.images.io import check_depth, image_writer
 from jotlight.images.mp4 import mp4_writer
 from jotlight.images.tiff import kind_of
 from jotlight.images.tone import Tone
@@ -63,15 +63,22 @@ def is_floats(path: Path) -> bool:
     return suffix in FLOATS
 
 
-def check_fps(path: Path, fps: float) -> None:
-    """Raise ValueError unless a video with this name may have a number of images per second.
+def check_kind(path: Path, fps: float, depth: int) -> None:
+    """Raise ValueError unless a video with this name may have such a rate and such values.
 
-    A video that is no animation may only have the default.
+    Parameters
+    ----------
+    path : path
+        The ending is that of the kind of the video.
+    fps : float
+        Images per second. A video that is no animation may only have the default.
+    depth : int
+        Bits per value. Only a folder of `.png` may have 16.
 
     Examples
     --------
-    >>> check_fps(Path("a.gif"), 10.0)
-    >>> check_fps(Path("a.tif"), 10.0)
+    >>> check_kind(Path("a.gif"), 10.0, 8)
+    >>> check_kind(Path("a.tif"), 10.0, 8)
     Traceback (most recent call last):
       ...
     ValueError: fps: is for .mp4 and .gif; a.tif has no place for 10 images per second; leave it ...
@@ -89,6 +96,8 @@ def check_fps(path: Path, fps: float) -> None:
             f"fps: expected up to {MAX_FPS} images per second for a .gif, because viewers show "
             f"faster ones more slowly, got {fps:g}; a .mp4 may be faster"
         )
+    # A name without ending is that of a folder of .png.
+    check_depth(path.suffix.lower() or ".png", depth, floats=".tif or .npy")
 
 
 @contextlib.contextmanager
@@ -117,7 +126,7 @@ def video_writer(
     fps : float
         Images per second of a `.mp4` (0.01 to 10,000) or `.gif` (0.01 to 50).
     depth : {8, 16}
-        Bits of a `.png`.
+        Bits per value. 16 are for `.png`.
 
     Raises
     ------
@@ -138,7 +147,7 @@ def video_writer(
     """
     curve = tone or Tone("linear")
     shape: tuple[int, ...] | None = None
-    check_fps(path, fps)
+    check_kind(path, fps, depth)
     suffix = path.suffix.lower()
     with contextlib.ExitStack() as stack:
         if is_floats(path):
