@@ -46,6 +46,19 @@ def test_images_of_counts_that_were_opened_are_filmed(tmp_path):
     assert len(list((tmp_path / "film").iterdir())) == 3
 
 
+def test_frames_of_readings_are_exposed_like_an_array(tmp_path):
+    values = np.zeros((4, 9, 4), np.uint8)
+    values[0], values[2] = 2, 8
+    readings = jl.Readings(values, jl.Sensor(frames=4, gain=20, bit_depth=4))
+    done = []
+    with pytest.warns(jl.JotlightWarning, match="images: 8, the 99.5th percentile") as warned:
+        jl.save_film(tmp_path / "a.gif", readings, progress=done.append)
+    assert len(warned) == 1
+    assert done == [0.25, 0.5, 0.75, 1]
+    for number, level in enumerate((2, 0, 8, 0)):
+        np.testing.assert_allclose(levels(tmp_path / "a.gif", number), 255 * level / 8, atol=0.6)
+
+
 def test_intensities_are_shown_as_they_are_or_with_another_white(tmp_path):
     images = np.random.default_rng(0).random((3, 9, 7))
     jl.save_film(tmp_path / "a.gif", images)

@@ -32,7 +32,7 @@ _ADVICE = {
 }
 """What to save in place of data, by the names of their types."""
 
-_SEQUENCES = (Sequence, np.ndarray, Bits, CountStack)
+_SEQUENCES = (Sequence, np.ndarray, Bits, CountStack, Readings)
 """Types of films with a known number of images."""
 
 
@@ -127,8 +127,8 @@ def save_film(
         ending, for a new folder of `.png`, for display; `.npy` and `.tif`, a stack of float32, for
         numbers, which are never clipped.
     images : iterable of array_like, shape (H, W), (H, W, 1), or (H, W, 3)
-        Intensities, counts, or frames of bits, such as those of :class:`jotlight.Bits` or of images
-        of counts.
+        Intensities, counts, or frames of bits or readings, such as those of :class:`jotlight.Bits`
+        or of images of counts.
     fps : float
         Images per second of `.mp4` and `.gif`.
     white : float, optional
@@ -136,7 +136,7 @@ def save_film(
         brightest image of a sequence or an array, which is read twice, or that of the first image
         of a generator. All images have the same white.
     depth : {8, 16}
-        Bits per value of a PNG.
+        Bits per value. 16 are for a folder of `.png`.
     progress : bool or callable, optional
         Whether to show a progress bar, or a function that is called with the completed fraction, if
         the number of images is known. Default: a bar in notebooks.
@@ -211,7 +211,7 @@ def _check_shape(images: Iterable[npt.ArrayLike]) -> None:
             f"images: expected a stack (N, H, W) or (N, H, W, 3), got one image of shape "
             f"{tuple(shape)}; pass a list, [image]"
         )
-    if len(shape) == 3 and looks_like_color(shape) and not isinstance(images, Bits):
+    if len(shape) == 3 and looks_like_color(shape) and not isinstance(images, Bits | Readings):
         raise ValueError(
             f"images: expected a stack (N, H, W) or (N, H, W, 3), but shape {tuple(shape)} looks "
             "like one color image; pass a list, [image], or list(images) if the images are narrow"
