@@ -184,7 +184,7 @@ def test_a_motion_is_described_and_drawn(run, tmp_path):
     assert (tmp_path / "m.png").exists()
 
 
-@pytest.mark.parametrize("name", ["film.mp4", "film"])
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif", "film"])
 def test_a_film_for_display_is_described_by_the_record_beside_it(run, tmp_path, name):
     if name == "film.mp4":
         pytest.importorskip("imageio_ffmpeg")
@@ -193,17 +193,50 @@ def test_a_film_for_display_is_described_by_the_record_beside_it(run, tmp_path, 
     lines = lines_of(run, name)
     assert lines[0] == "kind film"
     assert {"capture b.npy", "window 4", "method mle", "curve gamma"} <= set(lines)
+    shape = ["shape 2 images of 6 x 16"] * (name != "film.mp4")
+    assert lines[1:][: len(shape)] == shape
     if name == "film":
-        assert "shape 2 images of 6 x 16" in lines
         assert "kind counts" in lines_of(run, name, "--counts")
         (tmp_path / "film.film.json").unlink()
-        assert "kind counts" in lines_of(run, name)
+        assert {"kind film", *shape, "capture b.npy", "window 4"} <= set(lines_of(run, name))
+        with pytest.raises(ValueError, match=r"estimate for display, which .* made of b\.npy by"):
+            jl.open(name)
         return
-    (tmp_path / name).write_bytes(b"another film")
-    assert "origin unknown: film.mp4.json is the record of another file" in lines_of(run, name)
-    (tmp_path / "film.mp4.json").unlink()
-    missing = "origin unknown: there is no film.mp4.json beside it"
-    assert lines_of(run, name) == ["kind film", missing]
+    record = tmp_path / f"{name}.json"
+    with (tmp_path / name).open("ab") as file:
+        file.write(b"changed")
+    assert f"origin unknown: {record.name} is the record of another file" in lines_of(run, name)
+    record.unlink()
+    missing = f"origin unknown: there is no {record.name} beside it"
+    assert lines_of(run, name) == ["kind film", *shape, missing]
+
+
+def test_an_image_in_gif_is_no_film(run, tmp_path):
+    jl.save_film(tmp_path / "a.gif", np.full((1, 6, 16), 0.5))
+    assert lines_of(run, "a.gif")[0] == "kind image"
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.tif", "a.gif"])
+def test_the_checksum_of_a_film_is_verified(run, tmp_path, name):
+    jl.save(jl.Sensor(frames=8).expose(np.full((6, 16), 0.5), rng=0), tmp_path / "b.npy")
+    assert run("film", "b.npy", "-o", name, "--window", 4, "--method", "mle")[0] == 0
+    lines = lines_of(run, name, "--verify")
+    assert lines[0] == "kind film"
+    assert lines[-1] == f"verified the file matches its SHA-256 in {name}.json"
+    content = bytearray((tmp_path / name).read_bytes())
+    content[-3] ^= 1
+    (tmp_path / name).write_bytes(content)
+    status, output = run("info", name, "--verify")
+    assert status == 1
+    assert f"error: {name}: the file does not match its SHA-256 in {name}.json" in output
+
+
+def test_a_folder_of_images_has_no_checksums_to_verify(run, tmp_path):
+    jl.save(jl.Sensor(frames=8).expose(np.full((6, 16), 0.5), rng=0), tmp_path / "b.npy")
+    assert run("film", "b.npy", "-o", "film", "--window", 4, "--method", "mle")[0] == 0
+    status, output = run("info", "film", "--verify")
+    assert status == 1
+    assert "film.film.json has no checksums of the images of a folder" in output
 
 
 @pytest.mark.parametrize("ending", [".npy", ".npz", ".tif", ".png", ".h5", ".exr"])

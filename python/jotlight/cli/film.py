@@ -33,6 +33,7 @@ from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.locations import is_url
+from jotlight.images.tone import Tone
 from jotlight.images.video import is_floats, video_writer
 from jotlight.motion.film import film as merge_windows
 from jotlight.motion.film_estimates import FilmEstimates
@@ -127,8 +128,14 @@ def _write(
                 begin("choosing the tone curve", 0)
                 samples = _samples(job, outputs, motion, spans, threads)
                 summary.tone, summary.clipping = outputs.fit_film_tone(samples)
+            facts = _facts_before(job, outputs, summary.tone)
             with video_writer(
-                outputs.output, len(spans), tone=summary.tone, fps=outputs.fps, depth=outputs.depth
+                outputs.output,
+                len(spans),
+                tone=summary.tone,
+                fps=outputs.fps,
+                depth=outputs.depth,
+                note=facts,
             ) as add:
                 images = _images(watched, outputs, motion, spans, summary, threads)
                 for number in range(len(spans)):
@@ -137,13 +144,18 @@ def _write(
                     summary.add(image)
                     add(image * scale)
         summary.seconds = time.perf_counter() - start
-        facts = outputs.metadata(job.captured.sensor, job.choice.method, job.captured.provenance)
-        facts |= {"window": outputs.window, "step": outputs.step or outputs.window}
-        facts |= tone_facts(summary.tone)
         aligned = {**motion.facts(), "memory": summary.has_memory} if motion.motion else None
         facts |= origin_of(job, checksum(), aligned)
         records.write(files, [outputs.output], job, facts)
     return summary
+
+
+def _facts_before(job: Reconstruction, outputs: FilmOptions, tone: Tone | None) -> dict[str, Any]:
+    """Return the facts about a film that are known before its images."""
+    captured = job.captured
+    facts = outputs.metadata(captured.sensor, job.choice.method, captured.provenance)
+    spans = {"window": outputs.window, "step": outputs.step or outputs.window}
+    return facts | spans | tone_facts(tone) | {"capture": Path(job.path).name}
 
 
 def _has_memory(outputs: FilmOptions, motion: FilmMotionOptions) -> bool:

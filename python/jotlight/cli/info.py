@@ -17,7 +17,14 @@ from jotlight.cli.common_options import convert_file
 from jotlight.cli.console import out, progress, shape_text, with_options_only
 from jotlight.cli.jot_checks import jot_remarks
 from jotlight.cli.network_facts import layers_table, network_facts, training_runs
-from jotlight.cli.origins import film_facts, origin_facts, verify_video, video_facts
+from jotlight.cli.origins import (
+    film_facts,
+    is_film,
+    origin_facts,
+    verify_result,
+    verify_video,
+    video_facts,
+)
 from jotlight.files import check_outputs
 from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
@@ -67,7 +74,8 @@ def info(
     verify: Annotated[
         bool,
         Parameter(
-            help="Compare all checksums of a capture or a video, and read all frames or images."
+            help="Compare all checksums of a capture, a video, or a film, and read all of its "
+            "frames or images."
         ),
     ] = False,
 ) -> None:
@@ -102,8 +110,10 @@ def _verify(file: Path, capture: CaptureOptions) -> str:
     with progress(1) as begin:
         update = begin("verifying")
         options = dataclasses.replace(capture, frame_range=None, region=None).to_options()
-        return verify_video(file, update) or verify_capture(
-            file, progress=update, **options.stated()
+        return (
+            verify_video(file, update)
+            or verify_result(file)
+            or verify_capture(file, progress=update, **options.stated())
         )
 
 
@@ -134,7 +144,10 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
         return video
     if not _has_capture_options(capture) and (film := film_facts(file)):
         return film
-    return [*_content_facts(file, capture), *origin_facts(file)]
+    content, origin = _content_facts(file, capture), origin_facts(file)
+    if is_film(origin) and not _has_capture_options(capture):
+        content[0] = ("kind", "film")
+    return [*content, *origin]
 
 
 def _has_capture_options(capture: CaptureOptions) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jotlight.cli.applied_calibration import record_path
+from jotlight.cli.applied_calibration import FORMAT, record_path
 from jotlight.cli.console import shape_text
 from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
@@ -43,20 +43,38 @@ def video_facts(path: Path) -> Facts:
 
 
 def film_facts(path: Path) -> Facts:
-    """Return the rows about a film for display: a .mp4, or a folder of .png with its record.
+    """Return the rows about a film for display: a .mp4, a .gif, or a folder of .png.
 
     There are none for other paths.
     """
+    unknown = [("origin", f"unknown: there is no {record_path(path).name} beside it")]
     if path.suffix.lower() == ".mp4" and path.is_file():
-        record = record_path(path)
-        unknown = [("origin", f"unknown: there is no {record.name} beside it")]
         return [("kind", "film"), *(origin_facts(path) or unknown)]
+    if path.suffix.lower() == ".gif" and path.is_file():
+        shape = _shape_of_gif(path)
+        return [("kind", "film"), _images(shape), *(origin_facts(path) or unknown)] if shape else []
     images = sorted(path.glob("*.png")) if path.is_dir() else []
-    content = (_read_record(record_path(path)) or {}).get("origin") if images else None
-    if not isinstance(content, dict) or "window" not in content:
+    facts = (origin_facts(path) or _note_facts(images[0])) if images else []
+    if not is_film(facts):
         return []
-    shape = _images((len(images), *read_image(images[0]).shape))
-    return [("kind", "film"), shape, *origin_facts(path)]
+    return [("kind", "film"), _images((len(images), *read_image(images[0]).shape)), *facts]
+
+
+def is_film(facts: Facts) -> bool:
+    """Return whether the rows about the origin of a result are those of a film."""
+    return "window" in dict(facts)
+
+
+def _shape_of_gif(path: Path) -> tuple[int, ...]:
+    """Return the number, height, and width of the images of an animation; () for other files."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as file:
+            number = getattr(file, "n_frames", 1)
+            return (number, file.height, file.width) if number > 1 else ()
+    except Exception:  # any type: reading the file as an image reports the error
+        return ()
 
 
 def _is_finished(path: Path) -> bool:
@@ -85,6 +103,33 @@ def verify_video(path: Path, progress: Callable[[float], object]) -> str | None:
     return (
         "1 image matches its checksum" if number == 1 else f"{number} images match their checksums"
     )
+
+
+def verify_result(path: Path) -> str | None:
+    """Return a sentence about the checksum of a film or an image, or None without one.
+
+    Raises
+    ------
+    ValueError
+        When the file differs from its checksum, or is a folder of images, which has none.
+    """
+    record_file = record_path(path)
+    record = _read_record(record_file) or {}
+    if record.get("format") != FORMAT:
+        return None
+    if path.is_dir():
+        raise ValueError(
+            f"{path}: {record_file.name} has no checksums of the images of a folder; --verify is "
+            "for captures, for videos, and for films in one file"
+        )
+    if "sha256" not in record:
+        return None
+    if file_checksum(path) != record["sha256"]:
+        raise ValueError(
+            f"{path}: the file does not match its SHA-256 in {record_file.name}: it is damaged, or "
+            "another file; make it again"
+        )
+    return f"the file matches its SHA-256 in {record_file.name}"
 
 
 def _is_unfinished(path: Path) -> bool:

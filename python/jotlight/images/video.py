@@ -2,9 +2,10 @@
 
 import contextlib
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -108,6 +109,7 @@ def video_writer(
     tone: Tone | None = None,
     fps: float = DEFAULT_FPS,
     depth: int = 8,
+    note: Mapping[str, Any] | None = None,
 ) -> Iterator[AddImage]:
     """Yield a function that adds the next image to a video, which is written atomically.
 
@@ -127,6 +129,8 @@ def video_writer(
         Images per second of a `.mp4` (0.01 to 10,000) or `.gif` (0.01 to 50).
     depth : {8, 16}
         Bits per value. 16 are for `.png`.
+    note : mapping, optional
+        Values that JSON can hold, for each `.png`. Other formats have no place for them.
 
     Raises
     ------
@@ -160,7 +164,7 @@ def video_writer(
             write = _displayed(stack.enter_context(encoder(temporary, fps)), curve)
         else:
             folder = stack.enter_context(atomic_folder(path))
-            write = _displayed(_png_writer(folder, number or 0, depth), curve)
+            write = _displayed(_png_writer(folder, number or 0, depth, note), curve)
 
         def add(image: npt.NDArray[np.float32]) -> None:
             nonlocal shape
@@ -180,8 +184,10 @@ def _displayed(write: Callable[[FloatImage], None], curve: Tone) -> AddImage:
     return lambda image: write(curve(image))
 
 
-def _png_writer(folder: Path, number: int, depth: int) -> Callable[[FloatImage], None]:
-    write, digits = image_writer("a.png", depth=depth), max(5, len(str(number)))
+def _png_writer(
+    folder: Path, number: int, depth: int, note: Mapping[str, Any] | None
+) -> Callable[[FloatImage], None]:
+    write, digits = image_writer("a.png", depth=depth, note=note), max(5, len(str(number)))
     names = (folder / f"{index:0{digits}d}.png" for index in itertools.count())
     return lambda image: write(next(names), image)
 
