@@ -87,13 +87,36 @@ def test_a_new_file_has_the_permissions_of_any_new_file(tmp_path, mask):
     assert permissions(tmp_path / "ours") == permissions(tmp_path / "plain") == 0o666 & ~mask
 
 
-def test_a_replaced_file_keeps_its_permissions(tmp_path):
+@pytest.mark.parametrize("mask", [0o022, 0o077])
+def test_a_new_folder_has_the_permissions_of_any_new_folder(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        with atomic_folder(tmp_path / "ours"):
+            pass
+    finally:
+        os.umask(before)
+    assert permissions(tmp_path / "ours") == 0o777 & ~mask
+
+
+def test_writing_never_changes_the_mask_which_all_threads_share(tmp_path, monkeypatch):
+    changed = []
+    monkeypatch.setattr(os, "umask", changed.append)
+    with atomic_write(tmp_path / "note.txt") as temporary:
+        temporary.write_text("new")
+    with atomic_folder(tmp_path / "folder"):
+        pass
+    assert not changed
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o600, 0o666])
+def test_a_replaced_file_keeps_its_permissions(tmp_path, mode):
     path = tmp_path / "note.txt"
     path.write_text("old")
-    path.chmod(0o640)
+    path.chmod(mode)
     with atomic_write(path) as temporary:
+        assert permissions(temporary) & ~mode == 0  # others cannot read it earlier, either
         temporary.write_text("new")
-    assert permissions(path) == 0o640
+    assert permissions(path) == mode
 
 
 def enter(path):

@@ -183,7 +183,8 @@ def atomic_write_together(
         ]
         yield temporaries
         for path, temporary in zip(paths, temporaries, strict=True):
-            temporary.chmod(_permissions(path))
+            if (permissions := _permissions(path)) is not None:
+                temporary.chmod(permissions)
             if durable:
                 flush_to_disk(temporary)
         pairs = list(zip(paths, temporaries, strict=True))
@@ -208,7 +209,10 @@ def _temporary_file(path: Path, named: Path) -> Iterator[Path]:
         raise PermissionError(f"cannot write {path}: the file is read-only")
     with _reserved(path, named) as temporary:
         with explained_creation(named):
-            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+            # The system applies the mask of new files. Only changing it would read it.
+            permissions = _permissions(path)
+            mode = 0o666 if permissions is None else 0o600 | permissions
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode))
         _unfinished.add(temporary)
         try:
             with explained_failure(named, temporary):
@@ -231,10 +235,9 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     _check_parent(path)
     with _reserved(path, path) as temporary:
         with explained_creation(path):
-            temporary.mkdir(0o700)
+            temporary.mkdir()
         with explained_failure(path, temporary):
             yield temporary
-            temporary.chmod(0o777 & ~_umask())
             for folder, _, names in os.walk(temporary):
                 for name in names:
                     flush_to_disk(Path(folder, name))
@@ -338,13 +341,6 @@ def _failed_write(error: BaseException | None, temporary: Path) -> OSError | Non
     return None
 
 
-def _permissions(path: Path) -> int:
-    """Return the permissions of the file at `path`, or those that a new file would get."""
-    return path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
-
-
-def _umask() -> int:
-    # The only way to read the mask is to set it.
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+def _permissions(path: Path) -> int | None:
+    """Return the permissions of the file at `path`, or None if there is none."""
+    return path.stat().st_mode & 0o777 if path.exists() else None
