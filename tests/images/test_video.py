@@ -219,6 +219,25 @@ def test_only_a_folder_of_images_may_have_16_bits_per_value(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("shape", [(2, 70_000), (70_000, 2, 3)])
+@pytest.mark.parametrize(("name", "largest"), [("a.gif", 65_535), ("a.mp4", 16_384)])
+def test_images_that_are_too_large_for_a_format_are_refused(tmp_path, name, largest, shape):
+    if name == "a.mp4":
+        pytest.importorskip("imageio_ffmpeg")
+    message = f"expected up to {largest} rows and columns for a .{name[2:]}, got {shape[0]} x "
+    with pytest.raises(ValueError, match=message), video_writer(tmp_path / name) as add:
+        add(np.zeros(shape, np.float32))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", [".gif", ".MP4", ".npy", ".tif"])
+def test_a_name_that_is_an_ending_alone_is_no_folder(tmp_path, name):
+    message = f"expected a name before the ending, such as .*film{name.lower()}$"
+    with pytest.raises(ValueError, match=message), video_writer(tmp_path / name):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(("name", "fps"), [("a.gif", 0.01), ("a.mp4", 0.01), ("a.mp4", 10_000)])
 def test_the_ends_of_the_range_are_written(tmp_path, name, fps):
     if name == "a.mp4":

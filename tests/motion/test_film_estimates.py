@@ -223,6 +223,14 @@ def test_the_pretrained_network_is_better_where_motion_is_unknown():
     assert found > merged + 0.2
 
 
+def test_what_is_no_image_of_a_film_is_refused():
+    bits = jl.Bits.from_array(np.zeros((4, 16, 16), bool))
+    with pytest.raises(TypeError, match=r"image: expected an image of .*film\(.* got Bits"):
+        FilmEstimates(INITIAL).add(bits)
+    with pytest.raises(TypeError, match=r"image: expected an image of .*film\(.* got int"):
+        next(estimate_film([1], INITIAL))
+
+
 @pytest.mark.parametrize(("frames", "number"), [(48, 1), (64, 0)])
 def test_windows_that_are_shorter_than_those_of_the_training_are_reported_once(frames, number):
     _, bits = burst("static", frames=frames + 8, shape=(32, 32))

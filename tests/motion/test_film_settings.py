@@ -28,3 +28,10 @@ def test_the_model_is_known():
     options = dataclasses.asdict(film_settings(32))
     with pytest.raises(ValueError, match="model: expected one of auto, none, affine"):
         FilmSettings(**{**options, "model": "rigid"})
+
+
+@pytest.mark.parametrize("wrong", [{"causal": "no"}, {"causal": None}, {"memory": "no"}])
+def test_choices_of_two_are_true_or_false(wrong):
+    options = dataclasses.asdict(film_settings(32))
+    with pytest.raises(TypeError, match=f"{next(iter(wrong))}: expected True or False, got"):
+        FilmSettings(**{**options, **wrong})

@@ -48,3 +48,21 @@ def fit_channels(path: Path, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
             "and .tif hold them"
         )
     return image
+
+
+def check_sides(image: FloatImage, suffix: str, largest: int) -> None:
+    """Raise ValueError if an image has more rows or columns than films with an ending can have.
+
+    Examples
+    --------
+    >>> check_sides(np.zeros((2, 9)), ".gif", 8)
+    Traceback (most recent call last):
+      ...
+    ValueError: images: expected up to 8 rows and columns for a .gif, got 2 x 9; write a .tif or ...
+    """
+    height, width = image.shape[:2]
+    if max(height, width) > largest:
+        raise ValueError(
+            f"images: expected up to {largest} rows and columns for a {suffix}, got {height} x "
+            f"{width}; write a .tif or .npy, or smaller images"
+        )

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from jotlight.images.color import FloatImage
+from jotlight.images.color import FloatImage, check_sides
 from jotlight.output_files import open_output
 
 MAX_FPS = 50
 """Maximum images per second. Viewers show faster animations more slowly."""
+
+_MAX_SIDE = 65_535
+"""Maximum number of rows and columns, which the file states in 16 bits."""
 
 _HEADER = 13
 """Bytes before the color table: the signature and the size of the image."""
@@ -27,12 +30,15 @@ def gif_writer(path: Path, fps: float) -> Iterator[Callable[[FloatImage], None]]
     ------
     OSError
         If a write fails.
+    ValueError
+        If an image is too large for the format.
     """
     with open_output(path) as file:
         number = 0
 
         def add(image: FloatImage) -> None:
             nonlocal number
+            check_sides(image, ".gif", _MAX_SIDE)
             still = _encode(image)
             if number == 0:
                 # No color table for all images. Then the extension that repeats the animation.

@@ -10,11 +10,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.images.color import FloatImage
+from jotlight.images.color import FloatImage, check_sides
 from jotlight.output_files import described_error
 
 _QUALITY = 10
 """Constant rate factor of x264. Smaller is better, and viewers see no loss up to 17."""
+
+_MAX_SIDE = 16_384
+"""Maximum number of rows and columns of x264."""
 
 _COLORS = {
     "range": "tv",
@@ -39,11 +42,14 @@ def mp4_writer(path: Path, fps: float) -> Iterator[Callable[[FloatImage], None]]
     ------
     OSError
         If ffmpeg cannot write the file.
+    ValueError
+        If an image is too large for the format.
     """
     ffmpeg: _Encoder | None = None
 
     def send(image: FloatImage) -> None:
         nonlocal ffmpeg
+        check_sides(image, ".mp4", _MAX_SIDE)
         levels = _even_levels(image)
         ffmpeg = ffmpeg or _Encoder(path, levels.shape, fps)
         ffmpeg.write(levels)

@@ -46,9 +46,14 @@ def is_floats(path: Path) -> bool:
     OSError
         If the path is a folder that exists.
     ValueError
-        If the ending is unknown.
+        If the ending is unknown, or there is nothing before it.
     """
     suffix = path.suffix.lower()
+    if path.name.lower() in (*FLOATS, ".mp4", ".gif"):
+        raise ValueError(
+            f"{path}: expected a name before the ending, such as {path.with_name('film')}"
+            f"{path.name.lower()}"
+        )
     if suffix not in (*FLOATS, ".mp4", ".gif"):
         refuse_folder(path, "film.gif", may_be_new=True)
     if suffix not in ("", *FLOATS, ".mp4", ".gif"):

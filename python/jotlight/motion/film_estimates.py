@@ -87,6 +87,8 @@ class FilmEstimates:
 
         Raises
         ------
+        TypeError
+            When it is no image of a film.
         ValueError
             When the image has colors or a finer grid, which the network does not read, or when its
             sensor has a smooth kernel.
@@ -96,6 +98,11 @@ class FilmEstimates:
         JotlightWarning
             When the window has fewer than 64 frames. There is one warning for a film.
         """
+        if not isinstance(image, FilmImage):
+            raise TypeError(
+                "image: expected an image of jotlight.motion.film.film(bits, window=64), got "
+                f"{type(image).__name__}"
+            )
         shape = image.merged.shape
         image = _without_channel_axis(image)
         # Sums of a scene that stands still need no correction.

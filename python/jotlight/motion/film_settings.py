@@ -2,6 +2,7 @@
 
 import dataclasses
 
+from jotlight.checks import shown
 from jotlight.motion.memory import Memory, remembers
 from jotlight.motion.motion import MODELS
 from jotlight.parameter_names import check_choice
@@ -24,6 +25,9 @@ class FilmSettings:
 
     def __post_init__(self) -> None:
         check_choice("model", self.model, ("auto", *MODELS))
+        for name, value in (("causal", self.causal), ("memory", self.memory)):
+            if not isinstance(value, bool) and not (name == "memory" and value is None):
+                raise TypeError(f"{name}: expected True or False, got {shown(value)}")
 
     def new_memory(self) -> Memory | None:
         """Return an empty memory, or None if the film has none."""
