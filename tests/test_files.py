@@ -11,6 +11,7 @@ from folders import file_names
 from jotlight.files import (
     atomic_folder,
     atomic_write,
+    atomic_write_together,
     check_outputs,
     delete_file,
     write_file,
@@ -368,3 +369,49 @@ def test_an_output_that_is_an_input_is_refused(tmp_path, name):
     (tmp_path / "link.npy").symlink_to("read.npy")
     with pytest.raises(ValueError, match=f"{name}: this file is read"):
         check_outputs([tmp_path / "new.npy", tmp_path / name], [tmp_path / "read.npy"])
+
+
+@pytest.mark.parametrize("old", ["old", None])
+@pytest.mark.parametrize("together", [False, True])
+def test_an_output_that_is_a_link_is_written_where_it_leads(tmp_path, old, together):
+    (tmp_path / "disk").mkdir()
+    target, link = tmp_path / "disk" / "real.txt", tmp_path / "link.txt"
+    link.symlink_to("disk/real.txt")
+    if old is not None:
+        target.write_text(old)
+        target.chmod(0o640)
+    write = atomic_write_together([link]) if together else atomic_write(link)
+    with write as temporary:
+        [temporary] = temporary if together else [temporary]
+        assert temporary.parent == target.parent
+        temporary.write_text("new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+    assert old is None or permissions(target) == 0o640
+    assert file_names(tmp_path / "disk") == ["real.txt"]
+
+
+def test_a_folder_is_written_where_a_link_leads(tmp_path):
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "link").symlink_to("disk/film")
+    with atomic_folder(tmp_path / "link") as temporary:
+        (temporary / "a").write_text("new")
+    assert (tmp_path / "disk" / "film" / "a").read_text() == "new"
+    assert (tmp_path / "link").is_symlink()
+    with pytest.raises(FileExistsError, match="this folder already exists"):
+        enter_folder(tmp_path / "link")
+
+
+def enter_folder(path):
+    with atomic_folder(path):
+        pass
+
+
+def test_links_that_lead_nowhere_are_refused(tmp_path):
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(OSError, match="loop: its symbolic links form a loop"):
+        enter(tmp_path / "loop")
+    (tmp_path / "lost").symlink_to("missing/real.txt")
+    with pytest.raises(FileNotFoundError, match=r"real\.txt: there is no folder .*missing"):
+        enter(tmp_path / "lost")
+    assert file_names(tmp_path) == ["loop", "lost"]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from jotlight.argument_types import was_url
 from jotlight.output_files import open_output
+from jotlight.output_links import follow_link
 from jotlight.temporary_names import has_temporaries, reserve_temporary
 
 _FAILED_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -118,8 +119,9 @@ def atomic_write(
 
     The temporary file is created on entry. So if the folder is not writable, an error is raised
     before any work is done. If the block raises, also because of Ctrl-C, the temporary file is
-    deleted, and an existing file at `path` stays unchanged. If `path` is itself a temporary path of
-    a surrounding block, it is yielded unchanged.
+    deleted, and an existing file at `path` stays unchanged. If `path` is a symbolic link, this is
+    about the file to which it leads. If `path` is itself a temporary path of a surrounding block,
+    it is yielded unchanged.
 
     Parameters
     ----------
@@ -150,6 +152,7 @@ def atomic_write(
     if path in _unfinished:
         yield path
         return
+    path = follow_link(path)
     with atomic_write_together([], [path], durable=durable, output=output or path) as (temporary,):
         yield temporary
 
@@ -175,9 +178,9 @@ def atomic_write_together(
     OSError
         See :func:`atomic_write`.
     """
-    paths = [*outputs, *beside]
+    paths = [follow_link(path) for path in [*outputs, *beside]]
     with contextlib.ExitStack() as stack:
-        named = [*outputs, *[output or paths[0]] * len(beside)]
+        named = [*paths[: len(outputs)], *[output or paths[0]] * len(beside)]
         temporaries = [
             stack.enter_context(_temporary_file(*each)) for each in zip(paths, named, strict=True)
         ]
@@ -230,7 +233,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     OSError
         When `path` already exists, the folder that contains it is not writable, or a write failed.
     """
-    path = Path(path)
+    path = follow_link(Path(path))
     _refuse_existing(path)
     _check_parent(path)
     with _reserved(path, path) as temporary:

@@ -43,6 +43,20 @@ def test_the_zarr_library_reads_what_was_written(tmp_path, dtype, shape):
     assert not store.part.exists()
 
 
+def test_links_in_an_unfinished_folder_lead_to_no_file_outside_of_it(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    store.create()
+    outside = tmp_path / "outside"
+    outside.write_text("old")
+    store._marker(0).symlink_to(outside)
+    with pytest.raises(ValueError, match=r"leads to .*outside, which is outside of the folder"):
+        fill(store)
+    store._chunk(1).unlink()
+    store._chunk(1).symlink_to(outside)
+    store.write_image(1, np.zeros((3, 4), np.float32))
+    assert outside.read_text() == "old"
+
+
 def test_a_flipped_bit_is_detected(tmp_path):
     store = store_at(tmp_path / "v.zarr")
     fill(store)

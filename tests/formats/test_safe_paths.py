@@ -121,6 +121,24 @@ def test_a_capture_may_itself_be_a_link(tmp_path):
         )
 
 
+@pytest.mark.parametrize("name", ["a.npy", "a.npy.gz"])
+@pytest.mark.parametrize("old", [True, False])
+def test_a_capture_is_saved_and_read_through_a_link(tmp_path, name, old):
+    (tmp_path / "disk").mkdir()
+    target, link = tmp_path / "disk" / name, tmp_path / f"link{name[1:]}"
+    mask = np.zeros((8, 8), bool)
+    mask[2, 3] = True
+    if old:
+        jl.save(jl.Sensor(frames=3).expose(np.ones((8, 8)), rng=0), target)
+    link.symlink_to(target)
+    bits = jl.Sensor(frames=3, mask=mask).expose(np.ones((8, 8)), rng=1)
+    jl.save(bits, link)
+    assert link.is_symlink()
+    for path in (link, target):
+        assert jl.open(path) == bits
+    assert list(tmp_path.iterdir()) in ([tmp_path / "disk", link], [link, tmp_path / "disk"])
+
+
 def test_a_link_to_a_capture_may_have_a_link_to_its_description(tmp_path):
     mask = np.zeros((8, 8), bool)
     mask[2, 3] = True

@@ -34,6 +34,7 @@ from jotlight.files import (
     flush_to_disk,
     write_file,
 )
+from jotlight.formats.safe_paths import check_inside
 from jotlight.formats.zarr.writing import import_zarr
 from jotlight.temporary_names import reserve_temporary
 
@@ -217,7 +218,9 @@ class VideoStore:
 
         Nothing waits for the disk: :meth:`finish` finds what a power failure has damaged.
         """
-        write_file(self._marker(group), json.dumps(facts), durable=False, output=self.path)
+        # The folder of an interrupted run may come from a stranger.
+        marker = check_inside(self._marker(group), self.part)
+        write_file(marker, json.dumps(facts), durable=False, output=self.path)
 
     def missing(self) -> list[int]:
         """Return the numbers of the groups that are not complete."""

@@ -30,6 +30,7 @@ from jotlight.formats.compressed import open_gzip
 from jotlight.formats.labels import BITS, COUNTS, MAX_LABEL_BYTES, READINGS, VERSION
 from jotlight.formats.safe_paths import check_inside, resolve_below
 from jotlight.output_files import open_output
+from jotlight.output_links import follow_link
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -178,6 +179,8 @@ def find_description(cube: Path) -> Description | None:
         When jotlight wrote the file, but it is damaged or was changed.
     """
     path = _existing_description(cube)
+    if cube.is_symlink() and not path.is_file():
+        path = _existing_description(cube := cube.resolve())
     if not path.is_file():
         return None
     target = path.resolve()
@@ -206,7 +209,8 @@ def check_data(description: Description, cube: Path) -> bool:
     checksum = description.content.get("sha256")
     if checksum is None:
         return False
-    if cube.suffix.lower() == ".gz" and description.path != description_path(cube):
+    own = {description_path(cube), description_path(cube.resolve())}
+    if cube.suffix.lower() == ".gz" and description.path not in own:
         # The checksum is that of the uncompressed cube, which another tool has compressed.
         with open_gzip(cube) as file:
             if hashlib.file_digest(file, "sha256").hexdigest() != checksum:
@@ -307,7 +311,7 @@ def write_described(
     FileExistsError
         When a file that jotlight did not write for this cube would be overwritten.
     """
-    description = description_path(path)
+    description = description_path(path := follow_link(path))
     map_paths = {name: map_path(description, name) for name in maps}
     replaced_maps = _maps_written_with(description)
     _refuse_foreign_files(path, description, set(map_paths.values()) - replaced_maps)
