@@ -138,6 +138,8 @@ def test_readings_are_indexed_and_read_like_bits():
     assert len(readings) == 4
     assert readings.shape == (4, 2, 3)
     np.testing.assert_array_equal(readings[-1], array[3])
+    np.testing.assert_array_equal(list(readings), array)
+    assert next(iter(readings)).dtype == np.uint16
     assert readings[1:3].sensor.frames == 2
     np.testing.assert_array_equal(readings[1:3].to_array(), array[1:3])
     np.testing.assert_array_equal(readings.sum(), array.sum(axis=0))

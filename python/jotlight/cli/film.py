@@ -178,7 +178,7 @@ def _samples(
 
     Sums without motion would be darker than the images where the scene is bright.
     """
-    found = []
+    found: list[Image] = []
     for span in representatives(spans):
         part = dataclasses.replace(job.captured, data=job.captured.data[span])
         alone = dataclasses.replace(job, captured=part), outputs, motion

@@ -98,6 +98,11 @@ class Readings(FrameSequence):
         """Return the number of frames."""
         return int(self.shape[0])
 
+    def __iter__(self) -> Iterator[npt.NDArray[np.uint16]]:
+        """Yield each frame as an array, (H, W) or (H, W, C)."""
+        for start in range(len(self)):
+            yield from self.read(start, start + 1)
+
     @overload
     def __getitem__(self, index: SupportsIndex | OneFrame) -> npt.NDArray[np.uint16]: ...
     @overload
