@@ -5,20 +5,10 @@ import pytest
 from scipy.stats import beta, binom
 
 import jotlight as jl
+from flat_captures import SHAPE, counts, flat_scene
 from jotlight.calibration import fit_bulk
 from jotlight.calibration.dead_jots import MIN_RESPONSE
 from jotlight.calibration.jot_counts import JotCounts
-from jotlight.sensing.provenance import Provenance
-
-SHAPE = (160, 160)
-
-
-def counts(rng, rates, frames, threshold=1):
-    chance = 1 - np.exp(-rates)
-    if threshold == 2:
-        chance -= rates * np.exp(-rates)
-    return rng.binomial(frames, chance)
-
 
 MAPS = 12
 CLEAN = {
@@ -161,14 +151,6 @@ def test_hot_jots_that_are_not_too_hot_are_used():
     assert np.argwhere(calibration.mask).tolist() == [[4, 5]]
 
 
-def flat_scene(rng, spread, shape=SHAPE, frames=4000):
-    y, x = np.mgrid[: shape[0], : shape[1]] / shape[0]
-    light = 0.7 * (1 + 0.3 * x - 0.3 * (y - 0.5) ** 2)
-    relative = np.clip(1 + spread * rng.standard_normal(shape), 0.3, 2)
-    dark = rng.gamma(4, 0.002, shape)
-    return counts(rng, dark, frames), light, relative, dark
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("threshold", [1, 2])
 @pytest.mark.parametrize("spread", [0.0, 0.02, 0.1])
@@ -253,48 +235,6 @@ def test_a_clear_outlier_keeps_the_response_that_was_counted(clear):
     assert error < 0.044
 
 
-@pytest.fixture(scope="module")
-def calibration():
-    rng = np.random.default_rng(12)
-    ones, light, relative, dark = flat_scene(rng, 0.1, (32, 40))
-    flat = jl.Bits.from_array(rng.random((800, 32, 40)) < 1 - np.exp(-dark - light * relative))
-    ones[3, 4] = 4000
-    return jl.calibrate(ones, flat, frames=4000, provenance={"dark": Provenance("npy", "dark.npy")})
-
-
-def test_the_sensor_has_the_maps_and_a_gain_that_counts_ordinary_jots(calibration):
-    sensor = calibration.sensor(16, max_intensity=3.0)
-    assert sensor == jl.Sensor(
-        frames=16,
-        gain=16 * calibration.scale,
-        dark_counts=calibration.dark_counts,
-        efficiency=calibration.efficiency,
-        mask=calibration.mask,
-        max_intensity=3.0,
-    )
-    # Trained networks ask for 1 detection per frame at intensity 1.
-    assert jl.pretrained(calibration.sensor(16)).reconstruct
-    assert calibration.sensor(16, gain=5.0, dark_counts=0.25).gain == 5.0
-    assert calibration.sensor(16, dark_counts=0.25).dark_counts == 0.25
-    carried = jl.Sensor(frames=4, gain=2.0, threshold=1, oversampling=2)
-    applied = calibration.applied_to(carried)
-    assert applied.gain == pytest.approx(2 * calibration.scale)
-    assert applied.oversampling == 2
-
-
-@pytest.mark.filterwarnings("ignore:.*no valid bit")
-def test_a_calibrated_image_is_nearer_to_the_scene(calibration):
-    rng = np.random.default_rng(13)
-    scene = np.full((32, 40), 0.4)
-    camera = calibration.sensor(1024).replace(mask=None)
-    seen = camera.expose(scene, rng).counts(1)
-    errors = []
-    for sensor in (jl.Sensor(frames=1024), calibration.sensor(1024)):
-        good = ~calibration.mask
-        errors.append(np.sqrt(np.mean((jl.mle(seen, sensor) - scene)[good] ** 2)))
-    assert errors[1] < 0.9 * errors[0]
-
-
 GOOD = np.full((16, 16), 3)
 
 
@@ -324,11 +264,6 @@ GOOD = np.full((16, 16), 3)
 def test_captures_that_contradict_the_arguments_are_refused(given, options, words):
     with pytest.raises(ValueError, match=words):
         jl.calibrate(*given, **options)
-
-
-def test_the_shape_of_a_capture_is_checked(calibration):
-    with pytest.raises(ValueError, match="it has 32 x 40 jots, and the capture has 40 x 32"):
-        calibration.check_capture((40, 32))
 
 
 def test_a_real_dark_map(data):
