@@ -28,7 +28,8 @@ def main() -> None:
     bounds = (0, 3), (3, 7), (7, 15), (20, np.inf), (-np.inf, 0)
     parts = [(low < distance) & (distance < high) for low, high in bounds]
     names = "0 to 3", "3 to 7", "7 to 15", "beyond 20", "disk"
-    print(f"| K | sky | {' | '.join(f'{name}: inside | unlikely' for name in names)} |")
+    header = " | ".join(f"{name}: coverage | unlikely" for name in names)
+    print(f"| K | sky, photons per frame | {header} |")
     print(f"| ---: | ---: | {' | '.join(2 * len(names) * ['---:'])} |")
     for frames, sky in CASES:
         truth = np.where(distance < 0, 0.5, 0) + sky
@@ -41,7 +42,7 @@ def main() -> None:
             unlikely += known.unlikely
         shares = [values[part].mean() / draws for part in parts for values in (inside, unlikely)]
         print(
-            f"| {frames} | {sky:g} | {' | '.join(f'{100 * x:.0f}' for x in shares)} |", flush=True
+            f"| {frames:,} | {sky:g} | {' | '.join(f'{100 * x:.0f}' for x in shares)} |", flush=True
         )
 
 

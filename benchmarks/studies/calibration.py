@@ -80,7 +80,7 @@ def false_positives(maps: int) -> None:
         for chance, frames in ((0.01, 1), (0.05, 2), (0.2, 4), (0.5, 8), (0.5, 16), (0.9, 16))
     ]
     table(
-        "dark counts of the jots", "frames N", "ones in the mean", "N of N ones, predicted",
+        "dark counts of the jots", "frames T", "mean number of ones", "T of T ones, predicted",
         "false positives, predicted", "false positives",
     )  # fmt: skip
     for kind, frames, mean, chance in kinds:
@@ -99,7 +99,7 @@ def false_positives(maps: int) -> None:
 def cooled(maps: int) -> None:
     """Measure how many hot jots above 0.1 dark counts are found where other jots have few."""
     rng = np.random.default_rng(3)
-    table("threshold", "dark counts of ordinary jots", "frames N", "hot jots", "found", "not hot")
+    table("threshold", "dark counts of ordinary jots", "frames T", "hot jots", "found", "not hot")
     for threshold, rate, frames, share in (
         (1, 1e-6, 200, 0.02), (1, 1e-5, 100, 0.1), (1, 1e-5, 100, 0.25), (3, 0.008, 2000, 0.01),
     ):  # fmt: skip

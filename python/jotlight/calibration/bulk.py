@@ -77,7 +77,7 @@ class Bulk:
     def shrunk_probabilities(self, counts: npt.ArrayLike) -> Array:
         """Return the probabilities of a one of ordinary jots, by their counts.
 
-        They are (L + m/spread)/(N + 1/spread), the mean of the beta distribution after the frames
+        They are (L + m/spread)/(T + 1/spread), the mean of the beta distribution after the frames
         of the jot. Its mean m before is that of the counts, so the sum of the counts stays.
 
         Examples
