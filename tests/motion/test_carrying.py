@@ -31,23 +31,33 @@ def test_a_window_keeps_the_outlines_that_more_frames_show():
 @pytest.mark.slow
 def test_the_end_of_a_window_moves_as_its_own_bits_show():
     """A causal image shows the last frame. The blocks of more frames are longer."""
-    scene, bits = behind()
     window, start = 64, 16
-    part = bits[start : start + window]
-    frames, _ = in_squares(bits[: start + window], bits.sensor, None)
-    squares, sensor = in_squares(part, part.sensor, None)
     settings = film_settings(window, model="affine", memory=False)
-    candidates = Candidates(squares, start, None, FilmMerging(sensor, settings.step), settings)
-    found = candidates.of_more_frames(frames, 0)
-    truth = scene.image(start + window - 1)
+    losses = []
+    for rng in range(4):
+        scene, bits = behind(rng=rng)
+        part = bits[start : start + window]
+        frames, _ = in_squares(bits[: start + window], bits.sensor, None)
+        squares, sensor = in_squares(part, part.sensor, None)
+        candidates = Candidates(squares, start, None, FilmMerging(sensor, settings.step), settings)
+        carried = candidates.of_more_frames(frames, 0).image.motion
+        truth = scene.image(start + window - 1)
+        alone, found = (
+            quality_of_end(part, motion, truth)
+            for motion in (
+                jl.align(part, model="affine"),
+                enlarge_motion(carried, 2, bits.shape[1:]),
+            )
+        )
+        losses.append(alone - found)
+    assert np.mean(losses) < 0.3
 
-    def quality(motion):
-        merged = jl.merge(part, at=window - 1, motion=motion)
-        inner = (slice(8, -8),) * 2
-        return jl.metrics.psnr(jl.reconstruct(merged)[inner], truth[inner], data_range=1.0)
 
-    alone = quality(jl.align(part, model="affine"))
-    assert quality(enlarge_motion(found.image.motion, 2, bits.shape[1:])) > alone - 0.3
+def quality_of_end(bits, motion, truth):
+    """Return the PSNR of the image of the last frame, without its border."""
+    merged = jl.merge(bits, at=len(bits) - 1, motion=motion)
+    inner = (slice(8, -8),) * 2
+    return jl.metrics.psnr(jl.reconstruct(merged)[inner], truth[inner], data_range=1.0)
 
 
 @pytest.mark.slow
