@@ -15,15 +15,11 @@ pub(super) fn weights_of_variances(first: isize, length: usize) -> [f32; 3] {
 /// Return the sums with weights other than 1, and these weights, of a row that begins with `margin`
 /// reflected values.
 pub(super) fn sums_at_borders(margin: usize, width: usize) -> Vec<(usize, [f32; 3])> {
-    let sums = 0..width + 2 * margin - 2;
-    sums.map(|sum| {
-        (
-            sum,
-            weights_of_variances(sum as isize - margin as isize, width),
-        )
-    })
-    .filter(|&(_, weights)| weights != [1.0; 3])
-    .collect()
+    let weights = |sum: usize| weights_of_variances(sum as isize - margin as isize, width);
+    (0..width + 2 * margin - 2)
+        .map(|sum| (sum, weights(sum)))
+        .filter(|(_, weights)| weights.iter().any(|&weight| weight > 1.0))
+        .collect()
 }
 
 /// Write the sums of three neighboring variances into `out`.
