@@ -27,11 +27,15 @@ def test_estimates_are_unlikely_where_single_pixels_predict_bits_better():
     ones = np.random.default_rng(5).binomial(64, truth)
     z = np.full(truth.shape, np.pi / 4)
     z[:, 40:] += 0.4
-    flags, squared = find_contradictions(measure(np.sin(z) ** 2, ones, 64))
+    z[:20, 40:] -= 0.8
+    flags, (bright, dark) = find_contradictions(measure(np.sin(z) ** 2, ones, 64))
     assert not flags[:, :20].any()
     assert flags[:, 60:].all()
-    np.testing.assert_allclose(np.sqrt(squared[:, 60:]), 0.4, atol=0.04)
-    np.testing.assert_array_equal(squared > 0, flags)
+    np.testing.assert_allclose(np.sqrt(bright[40:, 60:]), 0.4, atol=0.04)
+    np.testing.assert_allclose(np.sqrt(dark[:10, 60:]), 0.4, atol=0.04)
+    # Neighborhoods do not know the sign. They show at least the error of single pixels.
+    assert np.sqrt(max(dark[40:, 60:].max(), bright[:10, 60:].max())) < 0.1
+    np.testing.assert_array_equal((bright > 0) | (dark > 0), flags)
 
 
 def test_sums_show_a_bright_rim_around_a_bright_object():
@@ -40,7 +44,7 @@ def test_sums_show_a_bright_rim_around_a_bright_object():
     wrong = np.where((RADIUS >= 25) & (RADIUS < 29), 4e-3, truth)
     ones = np.random.default_rng(0).binomial(1000, truth)
     halves = measure(wrong, ones, 1000)
-    flags, squared = find_contradictions(halves)
+    flags, (squared, _) = find_contradictions(halves)
     rim = wrong != truth
     assert flags[rim].mean() > 0.99
     assert not flags[~rim].any()
@@ -48,7 +52,7 @@ def test_sums_show_a_bright_rim_around_a_bright_object():
     assert 0.9 * error < np.median(np.sqrt(squared[rim])) < 1.3 * error
     # At jots with half the slope, the same error of p is twice that of z.
     changed = [dataclasses.replace(half, relative_slope=0.5) for half in halves]
-    _, of_others = find_contradictions(changed)
+    _, (of_others, _) = find_contradictions(changed)
     np.testing.assert_allclose(np.sqrt(of_others[rim & flags]), 2 * np.sqrt(squared[rim & flags]))
 
 
@@ -67,6 +71,17 @@ def test_pixels_whose_errors_are_unknown_do_not_count():
     assert find_contradictions(halves)[0].all()
     unknown = [dataclasses.replace(half, known=np.zeros((40, 40), bool)) for half in halves]
     assert not errors_of_sums(unknown).any()
+
+
+@pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
+@pytest.mark.parametrize("frames", [16, 100])
+def test_bits_that_are_brighter_than_the_largest_intensity_widen_no_interval(frames):
+    image = np.full((32, 32), 3.0)
+    image[:, :16] = 0.3
+    bits = jl.Sensor(frames=frames).expose(image, rng=2)
+    found = jl.uncertainty(bits, estimate=jl.reconstruct(bits))
+    assert found.low[:, 20:].mean() > 0.3
+    assert not found.unlit[:, 16:].any()
 
 
 @pytest.mark.slow

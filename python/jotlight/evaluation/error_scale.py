@@ -48,6 +48,9 @@ _SMALLEST = 1e-2
 """Variance times K below which a window counts as flat."""
 
 
+_ROUNDING = 1e-5
+"""Relative difference by which a probability is below that of S in spite of rounding errors."""
+
 _MIN_RATIO = 1e-6
 """Smallest ratio of two probabilities of a bit, so that one bit cannot decide."""
 
@@ -256,6 +259,15 @@ class HalfErrors:
         # dp = 2 sin z cos z dz = sin 2z dz
         gain, p = np.where(known, gain, 0.0), np.sin(z) ** 2
         return cls(z, trials, np.sin(2 * z), squared, known, gain, p, held_out)
+
+    def below(self, largest: Array) -> Self:
+        """Return the errors of estimates whose arcsin √p is below that of S, (H, W).
+
+        Those at S are limited by it. Of brighter pixels, bits contradict S, and not the estimate.
+        """
+        is_limited = self.p >= np.sin(largest) ** 2 * (1 - _ROUNDING)
+        gain = np.where(is_limited, 0.0, self.gain)
+        return dataclasses.replace(self, known=self.known & ~is_limited, gain=gain)
 
 
 def expected_squares(model: ErrorModel, half: HalfErrors) -> Array:

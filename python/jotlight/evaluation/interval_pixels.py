@@ -298,11 +298,13 @@ class Pixels:
         The estimate of the network behind the `known` errors states the class of each pixel. Where
         the light is `unbounded`, by default as in :attr:`unbounded`, intervals end at S.
         """
-        unlikely = np.zeros(self.trials.shape, np.bool_)
+        unlikely, scales = np.zeros(self.trials.shape, np.bool_), [known.scale] * 2
         if known.halves:
-            unlikely, squared = find_contradictions(known.halves)
-            known = known.at_least(squared)
-        scale, model = known.scale, known.model
+            limit = np.full(self.trials.shape, self.sensor.max_intensity)
+            largest = stabilize(limit, self.sensor, self.efficiency, self.dark_counts)
+            unlikely, squared = find_contradictions([each.below(largest) for each in known.halves])
+            scales = [known.at_least(each).scale for each in squared]
+        model = known.model
         z, pixel = self.stabilize(estimate), self._pixel_of(known.estimate)
         unbounded = self.unbounded if unbounded is None else unbounded
 
@@ -312,9 +314,10 @@ class Pixels:
             return intensity_of(z, self.sensor, *self.typical_jot)
 
         tail = (1 - confidence_level) / 2
-        low, high = (scale * each for each in model.quantiles(*pixel, tail))
+        quantiles = model.quantiles(*pixel, tail)
+        low, high = (scale * each for scale, each in zip(scales, quantiles, strict=True))
         smallest = min_deviation(pixel[1])
-        deviation = np.maximum(scale * model.deviations(*pixel), smallest)
+        deviation = np.maximum(np.maximum(*scales) * model.deviations(*pixel), smallest)
         half_width = -smallest * ndtri(tail)
         low, high = np.minimum(low, -half_width), np.maximum(high, half_width)
         low, high = intensity(z + low), intensity(z + high)

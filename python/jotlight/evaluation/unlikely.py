@@ -29,10 +29,13 @@ _MAX_FALSE = 1e-6
 """Largest probability that noise alone makes the sum of a window contradict the estimate."""
 
 
-def find_contradictions(halves: Sequence[HalfErrors]) -> tuple[npt.NDArray[np.bool_], Array]:
-    """Return where held-out bits contradict an estimate, and the least squared error of z there.
+def find_contradictions(
+    halves: Sequence[HalfErrors],
+) -> tuple[npt.NDArray[np.bool_], tuple[Array, Array]]:
+    """Return where held-out bits contradict an estimate, and the least squared errors of z there.
 
-    Both are (H, W). There are two contradictions:
+    The errors are those by which the estimate is too bright, and too dark. All are (H, W). There
+    are two contradictions:
 
     - In the neighborhood of a pixel, the held-out bits are more probable under the fraction of ones
       of each pixel alone. So the error is at least that of such fractions.
@@ -41,8 +44,8 @@ def find_contradictions(halves: Sequence[HalfErrors]) -> tuple[npt.NDArray[np.bo
     """
     trials = np.mean([half.trials for half in halves], axis=0)
     of_pixels = np.where(_is_improbable(halves), 1 / (4 * trials), 0.0)
-    squared = np.maximum(of_pixels, _errors_of_sums(halves) ** 2)
-    return squared > 0, squared
+    bright, dark = (np.maximum(of_pixels, each**2) for each in _errors_of_sums(halves))
+    return (bright > 0) | (dark > 0), (bright, dark)
 
 
 def _is_improbable(halves: Sequence[HalfErrors]) -> npt.NDArray[np.bool_]:
@@ -57,7 +60,9 @@ def _is_improbable(halves: Sequence[HalfErrors]) -> npt.NDArray[np.bool_]:
 
 
 def _errors_of_sums(halves: Sequence[HalfErrors]) -> Array:
-    """Return the size of the error of z that sums of held-out ones show beyond doubt, or 0.
+    """Return the errors of z that sums of held-out ones show beyond doubt, or 0, (2, H, W).
+
+    The first ones are those of estimates that are too bright, and the others of those too dark.
 
     The ones of alike pixels in a window are compared with those that the estimate from the other
     half of the bits predicts. By Bernstein's inequality, a sum deviates from its expectation by t
@@ -70,12 +75,14 @@ def _errors_of_sums(halves: Sequence[HalfErrors]) -> Array:
     trials, _, expected, *_ = sums
     p = expected / np.maximum(trials, 1)
     classes = np.floor(np.log(np.maximum(p, _DARKEST)) / math.log(_STEP))
-    found = np.zeros(p.shape)
+    found = np.zeros((2, *p.shape))
     for each in np.unique(classes):
         own = (classes == each) & (trials > 0)
         means = uniform_filter(own * sums, (1, _WINDOW, _WINDOW), mode="constant")
         error = _error_of(*np.maximum(_WINDOW**2 * means, 0))  # without rounding errors below 0
-        found[own] = maximum_filter(np.where(own, error, 0.0), _WINDOW)[own]
+        for sign, largest in zip((1, -1), found, strict=True):
+            errors = np.where(own, np.maximum(sign * error, 0.0), 0.0)
+            largest[own] = maximum_filter(errors, _WINDOW)[own]
     return found
 
 
@@ -92,11 +99,11 @@ def _terms(half: HalfErrors) -> Array:
 
 
 def _error_of(trials: Array, ones: Array, expected: Array, variance: Array, slope: Array) -> Array:
-    """Return the size of the error of z that sums show, or 0 if noise may explain it."""
+    """Return the error of z that sums show, above 0 if z is too large, or 0 if it may be noise."""
     logarithm = math.log(2 / _MAX_FALSE)
     limit = logarithm / 3 + np.sqrt(logarithm**2 / 9 + 2 * logarithm * variance)
     seen, predicted = (
         np.arcsin(np.sqrt(np.minimum(each / np.maximum(trials, 1), 1))) for each in (ones, expected)
     )
-    error = np.abs(seen - predicted) * trials / np.maximum(slope, np.finfo(np.float64).tiny)
+    error = (predicted - seen) * trials / np.maximum(slope, np.finfo(np.float64).tiny)
     return np.where(np.abs(ones - expected) > limit, error, 0.0)
