@@ -26,7 +26,6 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
-from jotlight.sensing.response import inverse_detection_probability
 
 MAX_DARK = 0.1
 """Default dark counts per frame above which a hot jot is masked.
@@ -112,7 +111,8 @@ def calibrate(
     -----
     A jot is hot if the distribution of the ordinary jots does not explain its count: see
     :func:`jotlight.calibration.fit_bulk`. Its dark counts are the most likely ones. Those of the
-    other jots are shrunk toward the mean of this distribution, according to their counting noise.
+    other jots are shrunk toward their mean according to their counting noise, for threshold 1, and
+    the most likely ones for higher thresholds.
 
     Examples
     --------
@@ -208,9 +208,10 @@ def calibrate_sums(
     hot = ones >= hot_threshold
     # A jot that reported 1 in every frame has no finite rate.
     mask = hot & ((dark_counts > max_dark) | (ones == number))
-    # The counting noise of a short capture would be a pattern in every estimate.
-    shrunk = bulk.shrunk_probabilities(ones[~hot])
-    dark_counts[~hot] = inverse_detection_probability(threshold, shrunk, 1 - shrunk)
+    if threshold == 1:
+        # The counting noise of a short capture would be a pattern in every estimate. For higher
+        # thresholds, missed hot jots dominate the mean, and its root would be far too many counts.
+        dark_counts[~hot] = -np.log1p(-bulk.shrunk_probabilities(ones[~hot]))
     found = Calibration(
         dark_counts=dark_counts.astype(np.float32),
         mask=mask,

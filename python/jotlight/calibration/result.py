@@ -42,8 +42,8 @@ class Calibration(CalibrationFields):
     Parameters
     ----------
     dark_counts : ndarray of float32, shape (H, W)
-        d: detections per jot and frame without light. Except for hot jots, they are shrunk toward
-        the mean of ordinary jots according to their counting noise.
+        d: detections per jot and frame without light. For threshold 1, those of ordinary jots
+        are shrunk toward their mean according to their counting noise.
     mask : ndarray of bool, shape (H, W)
         Jots that reconstruction ignores: dead ones, and hot ones with more dark counts than
         `max_dark`.
