@@ -92,6 +92,16 @@ def test_images_that_are_brighter_than_the_white_of_the_film_are_reported(run, t
         assert "brighter than white" not in run(*arguments, "-o", name, *options)[1]
 
 
+@pytest.mark.filterwarnings("always")
+def test_a_few_pixels_brighter_than_the_white_of_the_film_are_ordinary(run):
+    bits = SENSOR.expose(SCENE / 20, rng=0).to_array()
+    bits[8:16, 0] = True  # 1 of 24 rows, in one window
+    jl.save(jl.Bits.from_array(bits, SENSOR), "ordinary.npy")
+    status, output = run("film", "ordinary.npy", "-m", "mle", "--window", 8, "-o", "film")
+    assert status == 0, output
+    assert "brighter than white" not in output
+
+
 @pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 def test_images_of_counts_are_filmed(run, capture, tmp_path):
     counts = capture.to_array().reshape(10, 4, 24, 30).sum(axis=1).astype(np.uint16)

@@ -112,6 +112,14 @@ def test_a_generator_that_starts_dark_is_clipped_with_a_warning(tmp_path):
         jl.save_film(tmp_path / "a.gif", (np.full((9, 7), level) for level in (0.01, 0.5)))
 
 
+def test_a_generator_whose_noise_varies_is_written_without_a_warning_about_clipping(tmp_path):
+    images = np.random.default_rng(0).poisson(3.0, (6, 24, 30)) / 10
+    images[1, :1] = 9
+    with pytest.warns(jl.JotlightWarning, match="is shown as white") as warned:
+        jl.save_film(tmp_path / "a.gif", iter(images / 40))
+    assert len(warned) == 1
+
+
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("name", ["a.gif", "a.npy"])
 def test_one_color_image_is_not_a_film(tmp_path, name, channels):

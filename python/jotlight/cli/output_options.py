@@ -19,7 +19,7 @@ from jotlight.images.clipping import Clipping
 from jotlight.images.exposure import display_tone
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
-from jotlight.images.tone import CURVES, PERCENTILE, Tone, check_curve
+from jotlight.images.tone import CURVES, Tone, check_curve
 from jotlight.images.video import DEFAULT_FPS, check_kind, is_floats
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.provenance import Provenance
@@ -255,13 +255,11 @@ class FilmOptions(OutputOptions):
     ) -> tuple[Tone, Clipping | None]:
         """Return the tone curve for all images, and what counts the brighter pixels.
 
-        The white is that of some images, the samples. One of them may have all of the pixels above
-        their percentile. A white that the user has chosen may clip any image.
+        The white is a percentile of some images, the samples. A white that the user has chosen may
+        clip any image.
         """
         tone = self.fit_tone(np.stack(samples))
-        if self.white is not None:
-            return tone, None
-        return tone, Clipping(tone.white, len(samples) * (1 - PERCENTILE / 100))
+        return tone, Clipping(tone.white, is_percentile=True) if self.white is None else None
 
     def check(self) -> None:
         """Raise ValueError or OSError for options that do not suit a film."""

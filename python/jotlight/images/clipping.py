@@ -7,6 +7,12 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 
+_MAX_BRIGHT = 0.05
+"""Fraction of an image that may be brighter than the percentile of others.
+
+In ordinary films, noise and motion move a few times 0.5 % of the pixels above it.
+"""
+
 
 class Clipping:
     """Counts the pixels that are brighter than the white of a film.
@@ -15,8 +21,9 @@ class Clipping:
     ----------
     white : float
         The value that becomes white.
-    expected : float, optional
-        The fraction of the pixels of an image that may be brighter. Default: none may be.
+    is_percentile : bool
+        Whether white is a high percentile of some of the images. Then 5 % of the pixels of each
+        image may be brighter. Otherwise, none may be.
 
     Examples
     --------
@@ -31,8 +38,8 @@ class Clipping:
     images: 50 % of the pixels of image 1 are brighter than white, 1; white=3 (--white 3) shows ...
     """
 
-    def __init__(self, white: float, expected: float | None = None) -> None:
-        self._white, self._expected = white, expected
+    def __init__(self, white: float, is_percentile: bool = False) -> None:
+        self._white, self._is_percentile = white, is_percentile
         self._number = 0
         """Number of images so far."""
         self._images: list[int] = []
@@ -44,7 +51,8 @@ class Clipping:
         brightest = image.max(axis=2) if image.ndim == 3 else image
         is_bright = brightest > self._white
         bright = int(np.count_nonzero(is_bright))
-        if bright > (0 if self._expected is None else self._expected * is_bright.size + 1):
+        # The brightest pixel of a small image is always above the percentile.
+        if bright > (_MAX_BRIGHT * is_bright.size + 1 if self._is_percentile else 0):
             self._images.append(self._number)
             self._bright += bright
             self._pixels += is_bright.size

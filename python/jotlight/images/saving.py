@@ -16,7 +16,7 @@ from jotlight.formats.capture import CountStack
 from jotlight.images.clipping import Clipping
 from jotlight.images.exposure import Exposure, expose, find_white
 from jotlight.images.io import DISPLAYED, image_writer
-from jotlight.images.tone import PERCENTILE, Tone
+from jotlight.images.tone import Tone
 from jotlight.images.video import DEFAULT_FPS, is_floats, video_writer
 from jotlight.layout import looks_like_color
 from jotlight.progress import Progress, shown_progress
@@ -152,7 +152,7 @@ def save_film(
     -----
     JotlightWarning
         When the images are exposed automatically, or are brighter than the white of the first image
-        of a generator.
+        of a generator. If a warning has stated this white, 5 % of the pixels of an image may be.
 
     Examples
     --------
@@ -175,7 +175,7 @@ def save_film(
         exposure, images = _exposed(images)
         exposure.report("images")
         # A warning about white announced that a few pixels of each image are brighter.
-        clipping = Clipping(exposure.white, 1 - PERCENTILE / 100 if exposure.is_clipped else None)
+        clipping = Clipping(exposure.white, exposure.is_clipped)
         tone = Tone("linear", exposure.white)
     with (
         shown_progress(progress, f"writing {path.name}") as update,
