@@ -1,5 +1,8 @@
 """`jotlight simulate`."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tifffile
@@ -36,6 +39,21 @@ def test_an_image_brighter_than_the_stated_limit_is_reported(run, mosaic):
     assert "states a largest intensity of 1, which clips estimates; --max-intensity 2.93" in output
     for arguments in (["star.npy", "--max-intensity", 2.93], ["white.npy"]):
         assert "the photo reaches" not in run("simulate", *arguments, *options)[1]
+
+
+@pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
+@pytest.mark.parametrize("level", [0.9, 1.2])
+def test_a_white_balance_does_not_move_the_stated_limit(run, level):
+    """It multiplies estimates after they are clipped."""
+    balance = [0.5, 1, 1.5]
+    mosaic = {"pattern": ["RG", "GB"], "white_balance": balance}
+    Path("mosaic.json").write_text(json.dumps(mosaic))
+    np.save("scene.npy", np.full((16, 16, 3), level, np.float32))
+    options = ["-o", "bits.npy", "-t", 500, "--mosaic", "mosaic.json"]
+    output = run("simulate", "scene.npy", *options)[1]
+    assert ("the photo reaches" in output) == (level > 1), output
+    estimate = jl.reconstruct(jl.open("bits.npy"), method="mle").mean(axis=(0, 1))
+    np.testing.assert_allclose(estimate / balance, min(level, 1), rtol=0.1)
 
 
 def test_the_option_gray_converts_color_to_luma(run, color, tmp_path):

@@ -15,7 +15,6 @@ from jotlight.cli.console import caution, progress, report
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
 from jotlight.datasets.moving_scenes.tables import read_poses
-from jotlight.evaluation.clipping import largest_colors
 from jotlight.files import atomic_write, check_outputs
 from jotlight.formats.description import companion_files
 from jotlight.formats.writing import choose_output_format, write_capture
@@ -151,16 +150,18 @@ def simulate(
 
 
 def _caution_about_limit(image: npt.NDArray[np.floating], exposed: Sensor) -> None:
-    """Print a remark if an image is brighter than the largest intensity that the file states."""
-    ratio = float(np.max(image / largest_colors(exposed)))
-    if ratio <= 1 + _ROUNDING or gray_levels([image], exposed.max_intensity) is not None:
+    """Print a remark if an image is brighter than the largest intensity that the file states.
+
+    A white balance does not matter: it multiplies estimates after they are clipped.
+    """
+    brightest, largest = float(np.max(image)), exposed.max_intensity
+    if brightest <= (1 + _ROUNDING) * largest or gray_levels([image], largest) is not None:
         return  # `expose` warns about gray levels
-    largest = exposed.max_intensity
     caution(
         "max-intensity",
-        f"the photo reaches {ratio * largest:.3g}, and the bits see all of this light, but the "
+        f"the photo reaches {brightest:.3g}, and the bits see all of this light, but the "
         f"file states a largest intensity of {largest:g}, which clips estimates; "
-        f"--max-intensity {1.005 * ratio * largest:.3g} states more",
+        f"--max-intensity {1.005 * brightest:.3g} states more",
     )
 
 
