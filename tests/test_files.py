@@ -282,6 +282,14 @@ def enter_folder(path):
         pass
 
 
+@pytest.mark.parametrize("name", ["a.npy", "a.npy/c.npy"])
+def test_outputs_whose_links_form_a_loop_are_refused(tmp_path, name):
+    (tmp_path / "a.npy").symlink_to("b.npy")
+    (tmp_path / "b.npy").symlink_to("a.npy")
+    with pytest.raises(OSError, match=f"cannot write .*{name}: its symbolic links form a loop"):
+        check_outputs([tmp_path / name], [])
+
+
 def test_links_that_lead_nowhere_are_refused(tmp_path):
     (tmp_path / "loop").symlink_to("loop")
     with pytest.raises(OSError, match="loop: its symbolic links form a loop"):

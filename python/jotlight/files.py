@@ -8,7 +8,7 @@ from pathlib import Path
 
 from jotlight.argument_types import was_url
 from jotlight.output_files import open_output
-from jotlight.output_links import follow_link
+from jotlight.output_links import follow_link, resolve_output
 from jotlight.temporary_names import has_temporaries, reserve_temporary
 
 _FAILED_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -35,7 +35,7 @@ def _refuse_url(output: Path) -> None:
 def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
     """Raise ValueError when an output is a URL, another output, or one of the input files.
 
-    None stands for a file that is not requested.
+    If symbolic links form a loop, raise OSError. None stands for a file that is not requested.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None])
 def _identity(path: Path) -> Path | tuple[int, int]:
     """Return what two names of the same file have in common, which need not exist."""
     if not path.exists():
-        return path.resolve()
+        return resolve_output(path)
     state = path.stat()
     return state.st_dev, state.st_ino
 

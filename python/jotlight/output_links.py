@@ -18,12 +18,28 @@ def follow_link(path: Path) -> Path:
     >>> follow_link(Path("a/b.npy")).as_posix()
     'a/b.npy'
     """
-    if not path.is_symlink():
-        return path
+    return resolve_output(path) if path.is_symlink() else path
+
+
+def resolve_output(path: Path) -> Path:
+    """Return the absolute path of an output without symbolic links, which need not exist.
+
+    Raises
+    ------
+    OSError
+        When links form a loop.
+
+    Examples
+    --------
+    >>> resolve_output(Path("a/../b.npy")) == Path.cwd() / "b.npy"
+    True
+    """
     try:
         target = path.resolve()
-    except (OSError, RuntimeError):
-        target = path
-    if target.is_symlink():
+    except RuntimeError:
+        is_loop = True
+    else:  # Python 3.13 returns a path with the loop
+        is_loop = any(part.is_symlink() for part in (target, *target.parents))
+    if is_loop:
         raise OSError(f"cannot write {path}: its symbolic links form a loop; choose another name")
     return target
