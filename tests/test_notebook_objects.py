@@ -10,7 +10,7 @@ import pytest
 import jotlight as jl
 from jotlight.figures import Figure
 from jotlight.formats.reading import open_capture
-from jotlight.motion.film import film
+from jotlight.motion.films.film import film
 from jotlight.training import History, Record
 from moving import in_memory
 

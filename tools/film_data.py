@@ -20,7 +20,7 @@ import numpy.typing as npt
 import training_data
 
 import jotlight as jl
-from jotlight.motion.film import film
+from jotlight.motion.films.film import film
 from jotlight.networks.film_planes import NEIGHBORS
 
 Image = npt.NDArray[np.float32]

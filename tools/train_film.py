@@ -28,7 +28,7 @@ from rounding import round_layers
 import jotlight as jl
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.metrics import psnr
-from jotlight.motion.film_estimates import displaced
+from jotlight.motion.films.estimates import displaced
 from jotlight.networks.conditioning import conditioning_weights
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.film_planes import START, Counts, film_planes, usual_trials

@@ -19,8 +19,8 @@ from functools import partial
 import numpy as np
 
 import jotlight as jl
-from jotlight.motion.film import film
-from jotlight.motion.film_image import FilmImage
+from jotlight.motion.films.film import film
+from jotlight.motion.films.image import FilmImage
 
 SIZE = 256, 512
 WINDOW, STEP = 256, 16

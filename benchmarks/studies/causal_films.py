@@ -33,9 +33,9 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.motion.film import film
-from jotlight.motion.film_estimates import FilmEstimates, estimate_film
-from jotlight.motion.live_film import LiveFilm
+from jotlight.motion.films.estimates import FilmEstimates, estimate_film
+from jotlight.motion.films.film import film
+from jotlight.motion.films.live_film import LiveFilm
 
 Image = npt.NDArray[Any]
 

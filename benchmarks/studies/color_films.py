@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.motion.film import film
+from jotlight.motion.films.film import film
 
 FRAMES, SIZE = 384, (192, 256)
 WINDOW, STEP = 128, 32

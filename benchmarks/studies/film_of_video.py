@@ -27,9 +27,9 @@ import numpy.typing as npt
 from PIL import Image
 
 import jotlight as jl
-from jotlight.motion.film import film
-from jotlight.motion.film_estimates import FilmEstimates
-from jotlight.motion.film_image import FilmImage
+from jotlight.motion.films.estimates import FilmEstimates
+from jotlight.motion.films.film import film
+from jotlight.motion.films.image import FilmImage
 
 PER_FRAME = 16
 """Number of binary frames of each frame of the video."""

@@ -19,8 +19,8 @@ import tracemalloc
 import numpy as np
 
 import jotlight as jl
-from jotlight.motion.block_edges import block_edges
-from jotlight.motion.film import film
+from jotlight.motion.counts.block_edges import block_edges
+from jotlight.motion.films.film import film
 
 SIZES = (128, 128), (256, 256), (256, 512)
 FRAMES = 64, 256, 1024

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.motion.detection import THRESHOLD, motion_score
+from jotlight.motion.counts.detection import THRESHOLD, motion_score
 
 SIZES = 64, 100, 200, 320
 FRAMES = 16, 64, 256, 1000

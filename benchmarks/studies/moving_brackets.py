@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 
 import jotlight as jl
-from jotlight.motion.film import film
-from jotlight.motion.film_estimates import FilmEstimates
+from jotlight.motion.films.estimates import FilmEstimates
+from jotlight.motion.films.film import film
 
 PHOTOGRAPHS = "camera", "coffee"
 SIZE = 192, 192

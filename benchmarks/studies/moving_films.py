@@ -15,7 +15,7 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.motion.film import film
+from jotlight.motion.films.film import film
 
 WINDOW, STEP = 256, 16
 SIZE = 256, 256

@@ -31,7 +31,7 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.motion.sensor_blocks import hot_jots
+from jotlight.motion.counts.sensor_blocks import hot_jots
 
 SIZE = 256, 256
 INNER = (slice(8, -8),) * 2

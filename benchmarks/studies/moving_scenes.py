@@ -43,13 +43,13 @@ import numpy.typing as npt
 import jotlight as jl
 from jotlight.datasets.moving_scenes import MovingScene
 from jotlight.images.sets import read_image_set
+from jotlight.motion.agreement.consistency import find_consistent
 from jotlight.motion.align import prepare_burst
-from jotlight.motion.block_edges import block_edges
-from jotlight.motion.blocks import Blocks
-from jotlight.motion.consistency import find_consistent
-from jotlight.motion.film import film
-from jotlight.motion.film_estimates import estimate_film
-from jotlight.motion.sums import Sums
+from jotlight.motion.counts.block_edges import block_edges
+from jotlight.motion.counts.blocks import Blocks
+from jotlight.motion.counts.sums import Sums
+from jotlight.motion.films.estimates import estimate_film
+from jotlight.motion.films.film import film
 
 SIZE = 256, 256
 INNER = (slice(8, -8),) * 2

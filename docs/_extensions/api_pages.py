@@ -51,10 +51,6 @@ USED_NAMES = {
     "jotlight.images.io": ("image_writer",),
     "jotlight.images.tone": ("Tone",),
     "jotlight.estimators.planned_motion": ("MotionPlan", "SceneModel", "plan_motion"),
-    "jotlight.motion.film": ("film",),
-    "jotlight.motion.film_image": ("FilmImage",),
-    "jotlight.motion.live_film": ("LiveFilm",),
-    "jotlight.motion.film_estimates": ("FilmEstimates", "estimate_film"),
     "jotlight.sensing.mosaic": ("Mosaic",),
     "jotlight.plots": ("Panel", "bits_panel", "comparison", "training"),
     "jotlight.torch.deepinv": (

@@ -41,6 +41,11 @@ from .images.io import read_image as read_image
 from .images.saving import save_film as save_film
 from .images.saving import save_image as save_image
 from .motion.align import align as align
+from .motion.films.estimates import FilmEstimates as FilmEstimates
+from .motion.films.estimates import estimate_film as estimate_film
+from .motion.films.film import film as film
+from .motion.films.image import FilmImage as FilmImage
+from .motion.films.live_film import LiveFilm as LiveFilm
 from .motion.merge import merge as merge
 from .motion.motion import Motion as Motion
 from .networks.color_network import ColorNetwork as ColorNetwork

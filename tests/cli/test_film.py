@@ -12,8 +12,8 @@ from folders import file_names
 from jotlight.cli import console
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.methods import METHODS
-from jotlight.motion.film import film
-from jotlight.motion.film_estimates import estimate_film
+from jotlight.motion.films.estimates import estimate_film
+from jotlight.motion.films.film import film
 from moving import record
 from servers import http_server
 

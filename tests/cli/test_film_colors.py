@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.film import film
+from jotlight.motion.films.film import film
 
 
 @pytest.mark.slow

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.film import film
-from jotlight.motion.film_estimates import estimate_film
+from jotlight.motion.films.estimates import estimate_film
+from jotlight.motion.films.film import film
 from moving import record
 
 

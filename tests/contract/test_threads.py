@@ -10,8 +10,8 @@ import jotlight._engine as engine
 from jotlight.estimators.trial_levels import count_local_trials, local_trials
 from jotlight.estimators.vst import anscombe
 from jotlight.estimators.whole_counts import diffuse
-from jotlight.motion.depth import Gain
-from jotlight.motion.film import film
+from jotlight.motion.films.film import film
+from jotlight.motion.outlines.depth import Gain
 from jotlight.networks.pretrained import pretrained_conditional
 from jotlight.networks.trials_map import denoise_map
 from jotlight.sensing.pixel_counts import PixelCounts

@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -51,8 +52,8 @@ LONG_DOCSTRINGS = [
     "jotlight.estimators.bracketing",
     "jotlight.estimators.dead_time",
     "jotlight.motion.align",
-    "jotlight.motion.film",
-    "jotlight.motion.film_estimates",
+    "jotlight.motion.films.film",
+    "jotlight.motion.films.estimates",
     "jotlight.motion.merge",
     "jotlight.training.train",
 ]
@@ -72,7 +73,9 @@ def test_docstring_examples_run(name, monkeypatch):
             pytest.importorskip(package)
     # Before each docstring, doctest looks for changes of all files that tracebacks have shown.
     monkeypatch.setattr(linecache, "checkcache", lambda filename=None: None)
-    result = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
+    implied = {"jl": jotlight, "np": np}  # as the API reference says
+    module = importlib.import_module(name)
+    result = doctest.testmod(module, extraglobs=implied, optionflags=doctest.ELLIPSIS)
     assert result.failed == 0
 
 

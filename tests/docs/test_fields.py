@@ -16,7 +16,7 @@ PACKAGES = "calibration", "estimators", "evaluation", "formats", "motion", "netw
 MODULES = {
     "estimators.planned_motion": ("MotionPlan", "SceneModel"),
     "images.tone": ("Tone",),
-    "motion.film_image": ("FilmImage",),
+    "motion.films.image": ("FilmImage",),
     "plots": ("Panel",),
     "sensing.mosaic": ("Mosaic",),
 }

@@ -8,7 +8,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.formats.reading import open_capture
-from jotlight.motion.film import film
+from jotlight.motion.films.film import film
 
 SENSOR = jl.Sensor(frames=12)
 BITS = SENSOR.expose(np.linspace(0, 1, 600).reshape(20, 30), rng=0)

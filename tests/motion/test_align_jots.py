@@ -86,7 +86,7 @@ def test_hot_jots_are_left_out_of_scenes_that_move():
 
 @pytest.mark.slow
 def test_films_account_for_the_jots():
-    from jotlight.motion.film import film
+    from jotlight.motion.films.film import film
 
     scene, bits = recorded("all")
     parts = list(film(bits, window=48, step=8))

@@ -8,10 +8,10 @@ import pytest
 import jotlight as jl
 from jotlight.errors import JotlightWarning
 from jotlight.motion.align import prepare_burst
-from jotlight.motion.block_edges import block_edges
+from jotlight.motion.counts.block_edges import block_edges
+from jotlight.motion.counts.sensor_blocks import as_blocks
+from jotlight.motion.displacements.track import Paths, Track
 from jotlight.motion.fast_motion import find_fast_motion
-from jotlight.motion.sensor_blocks import as_blocks
-from jotlight.motion.track import Paths, Track
 from moving import moved, record
 
 

@@ -8,14 +8,14 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion import path_search
-from jotlight.motion.added_tiles import share_of_unknown
-from jotlight.motion.blocks import Blocks
-from jotlight.motion.burst import as_burst
-from jotlight.motion.consistency import find_consistent
-from jotlight.motion.objects import MAX_OBJECTS
+from jotlight.motion.agreement.consistency import find_consistent
+from jotlight.motion.counts.blocks import Blocks
+from jotlight.motion.counts.burst import as_burst
+from jotlight.motion.counts.sums import Sums
+from jotlight.motion.displacements.track import Paths, Track
+from jotlight.motion.outlines.added_tiles import share_of_unknown
+from jotlight.motion.outlines.objects import MAX_OBJECTS
 from jotlight.motion.path_search import Found, find_paths
-from jotlight.motion.sums import Sums
-from jotlight.motion.track import Paths, Track
 from moving import blocks_of, record, two_halves
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.live_film import LiveFilm
+from jotlight.motion.films.live_film import LiveFilm
 from jotlight.sensing.alike_frames import (
     check_cycles,
     exposure_cycle,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.film import film
+from jotlight.motion.films.film import film
 from jotlight.sensing.contradictions import contradictions
 from jotlight.sensing.mosaic import Mosaic
 

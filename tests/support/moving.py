@@ -79,16 +79,16 @@ def occluded(velocities, masks, frames=32, seed=0):
 
 def as_burst_of(array):
     """Return an array of bits (T, H, W) as a burst."""
-    from jotlight.motion.burst import as_burst
+    from jotlight.motion.counts.burst import as_burst
 
     return as_burst(jl.Bits.from_array(array))
 
 
 def blocks_of(bits, number=None, **options):
     """Return bits as blocks: as many as an alignment uses, or a number."""
-    from jotlight.motion.block_edges import block_edges
-    from jotlight.motion.blocks import Blocks
-    from jotlight.motion.burst import as_burst
+    from jotlight.motion.counts.block_edges import block_edges
+    from jotlight.motion.counts.blocks import Blocks
+    from jotlight.motion.counts.burst import as_burst
 
     burst = as_burst(bits)
     edges = block_edges(len(burst))
@@ -124,8 +124,8 @@ def constant_motion(shifts, size, times, reference, model="affine"):
 
 def paths_of(blocks, shifts, reference):
     """Return the paths of an image that moves by shifts (n, 2) at the centers of the blocks."""
+    from jotlight.motion.displacements.track import Paths, Track
     from jotlight.motion.tiles import tile_counts
-    from jotlight.motion.track import Paths, Track
 
     shape, number = tile_counts(blocks.size), len(blocks.centers)
     nodes = np.zeros((number, 2, *shape)) + np.asarray(shifts)[:, :, None, None]
@@ -136,7 +136,7 @@ def paths_of(blocks, shifts, reference):
 
 def total_of(paths):
     """Return the sums of all blocks along paths."""
-    from jotlight.motion.sums import Sums
+    from jotlight.motion.counts.sums import Sums
 
     return Sums.total([paths.sums(block) for block in range(len(paths.blocks.centers))])
 
@@ -152,7 +152,7 @@ def shaken():
 
 def film_settings(window, step=None, *, causal=True, model="auto", memory=None):
     """Return the settings of a film, with four images per window by default."""
-    from jotlight.motion.film_settings import FilmSettings
+    from jotlight.motion.films.settings import FilmSettings
 
     return FilmSettings(
         window=window,

@@ -7,10 +7,10 @@ from jotlight.cli.console import caution
 from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.clipping import clipping_of
 from jotlight.formats.capture import Capture
-from jotlight.motion.detection import THRESHOLD, motion_score
-from jotlight.motion.jot_kinds import without_kinds
-from jotlight.motion.mosaic_colors import is_mergeable
-from jotlight.motion.reading_counts import counts_of_readings
+from jotlight.motion.counts.detection import THRESHOLD, motion_score
+from jotlight.motion.counts.reading_counts import counts_of_readings
+from jotlight.motion.merging.jot_kinds import without_kinds
+from jotlight.motion.merging.mosaic_colors import is_mergeable
 from jotlight.networks.pretrained import DEFAULT_SIZE
 from jotlight.sensing.alike_frames import find_cycle
 from jotlight.sensing.sensor import Sensor

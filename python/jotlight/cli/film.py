@@ -35,9 +35,9 @@ from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.locations import is_url
 from jotlight.images.tone import Tone
 from jotlight.images.video import is_floats, video_writer
-from jotlight.motion.film import film as merge_windows
-from jotlight.motion.film_estimates import FilmEstimates
-from jotlight.motion.memory import remembers
+from jotlight.motion.films.estimates import FilmEstimates
+from jotlight.motion.films.film import film as merge_windows
+from jotlight.motion.films.memory import remembers
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.precision import F32
 from jotlight.networks.pretrained import pretrained_film

@@ -13,7 +13,7 @@ from jotlight.estimators.demosaicing import TITLES
 from jotlight.formats.capture import Capture
 from jotlight.images.clipping import Clipping
 from jotlight.images.tone import Tone
-from jotlight.motion.film_image import FilmImage
+from jotlight.motion.films.image import FilmImage
 from jotlight.sensing.bits import Bits
 
 

@@ -11,20 +11,20 @@ from jotlight.checks import real_number
 from jotlight.errors import warn
 from jotlight.estimators.planned_motion import MIN_FRAMES
 from jotlight.formats.capture import CountStack, jot_shape
-from jotlight.motion.block_edges import block_edges
-from jotlight.motion.blocks import Blocks
-from jotlight.motion.burst import Burst, as_burst, refuse_pixels
-from jotlight.motion.consistency import Consistent
-from jotlight.motion.dark_frames import report_dark
+from jotlight.motion.agreement.consistency import Consistent
+from jotlight.motion.counts.block_edges import block_edges
+from jotlight.motion.counts.blocks import Blocks
+from jotlight.motion.counts.burst import Burst, as_burst, refuse_pixels
+from jotlight.motion.counts.dark_frames import report_dark
+from jotlight.motion.counts.reading_counts import ReadingCounts, ReadingStack, counts_for_motion
+from jotlight.motion.counts.sensor_blocks import as_blocks, excluded_jots
+from jotlight.motion.displacements.track import Paths
 from jotlight.motion.fast_motion import find_fast_motion, report_fast_motion
-from jotlight.motion.jot_kinds import frames_of_kinds
+from jotlight.motion.merging.jot_kinds import frames_of_kinds
+from jotlight.motion.merging.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
-from jotlight.motion.reading_counts import ReadingCounts, ReadingStack, counts_for_motion
-from jotlight.motion.sensor_blocks import as_blocks, excluded_jots
-from jotlight.motion.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import TILE, tile_counts
-from jotlight.motion.track import Paths
 from jotlight.parameter_names import check_choice
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.alike_frames import require_alike_frames
@@ -97,9 +97,10 @@ def align(
 
     Examples
     --------
-    >>> from jotlight.datasets import moving
-    >>> scene = moving(motion="shake", sensor=Sensor(frames=32), shape=(64, 96), photons=0.5, rng=0)
-    >>> motion = align(scene.bits)
+    >>> scene = jl.datasets.moving(
+    ...     motion="shake", sensor=jl.Sensor(frames=32), shape=(64, 96), photons=0.5, rng=0
+    ... )
+    >>> motion = jl.align(scene.bits)
     >>> motion.model, motion.at(31).shape
     ('affine', (2, 64, 96))
     """

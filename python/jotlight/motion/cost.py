@@ -2,8 +2,8 @@
 
 import dataclasses
 
-from jotlight.motion.block_edges import block_edges
-from jotlight.motion.kept_sums import keeps_sums
+from jotlight.motion.counts.block_edges import block_edges
+from jotlight.motion.counts.kept_sums import keeps_sums
 
 _SECONDS_PER_BLOCK, _SECONDS_PER_BLOCK_AND_PIXEL, _SECONDS_PER_BIT = 4.9e-3, 1.8e-7, 1.9e-9
 """Time for one image: that of the templates and equations of blocks, and that of counting."""

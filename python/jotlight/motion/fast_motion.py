@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.motion.scoring import Template, make_blurred_template, normal_equations
-from jotlight.motion.sums import Sums
-from jotlight.motion.track import Paths, Track
+from jotlight.motion.counts.sums import Sums
+from jotlight.motion.displacements.scoring import Template, make_blurred_template, normal_equations
+from jotlight.motion.displacements.track import Paths, Track
 
 Array = npt.NDArray[np.float64]
 

@@ -9,27 +9,32 @@ import numpy.typing as npt
 from jotlight.checks import whole_number_in_range
 from jotlight.errors import warn
 from jotlight.formats.capture import CountStack, jot_shape
+from jotlight.motion.agreement.consistency import MIN_ACCEPTED, Consistent, find_consistent
+from jotlight.motion.agreement.flags import find_flags, flags_of_image, unclear_pixels
+from jotlight.motion.agreement.held_out import count_in_place
+from jotlight.motion.agreement.still_window import find_window, report_window
+from jotlight.motion.agreement.stricter_test import select_bits
 from jotlight.motion.align import find_motion, prepare_burst, reference_time
-from jotlight.motion.block_edges import block_edges
-from jotlight.motion.blocks import Blocks
-from jotlight.motion.burst import Burst
-from jotlight.motion.consistency import MIN_ACCEPTED, Consistent, find_consistent
-from jotlight.motion.dark_frames import report_dark
-from jotlight.motion.disagreement import disagreement
-from jotlight.motion.finer import count_fine, fine_paths
-from jotlight.motion.flags import find_flags, flags_of_image, unclear_pixels
-from jotlight.motion.flicker import without_saturation
-from jotlight.motion.held_out import count_in_place
-from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds, join_kinds, sensors_of_kinds
-from jotlight.motion.merged_pixels import MergedAlong, as_fine, as_merged
+from jotlight.motion.counts.block_edges import block_edges
+from jotlight.motion.counts.blocks import Blocks
+from jotlight.motion.counts.burst import Burst
+from jotlight.motion.counts.dark_frames import report_dark
+from jotlight.motion.counts.reading_counts import counts_for_motion
+from jotlight.motion.counts.sensor_blocks import as_blocks, hot_jots
+from jotlight.motion.counts.sums import Sums
+from jotlight.motion.displacements.disagreement import disagreement
+from jotlight.motion.displacements.flicker import without_saturation
+from jotlight.motion.displacements.track import Paths, Track
+from jotlight.motion.merging.finer import count_fine, fine_paths
+from jotlight.motion.merging.jot_kinds import (
+    frames_of_kinds,
+    has_kinds,
+    join_kinds,
+    sensors_of_kinds,
+)
+from jotlight.motion.merging.merged_pixels import MergedAlong, as_fine, as_merged
+from jotlight.motion.merging.threshold_maps import count_still
 from jotlight.motion.motion import Motion
-from jotlight.motion.reading_counts import counts_for_motion
-from jotlight.motion.sensor_blocks import as_blocks, hot_jots
-from jotlight.motion.still_window import find_window, report_window
-from jotlight.motion.stricter_test import select_bits
-from jotlight.motion.sums import Sums
-from jotlight.motion.threshold_maps import count_still
-from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.contradictions import warn_about_contradictions
@@ -110,9 +115,10 @@ def merge(
 
     Examples
     --------
-    >>> from jotlight.datasets import moving
-    >>> scene = moving(motion="shake", sensor=Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0)
-    >>> merged = merge(scene.bits)
+    >>> scene = jl.datasets.moving(
+    ...     motion="shake", sensor=jl.Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0
+    ... )
+    >>> merged = jl.merge(scene.bits)
     >>> merged.shape, bool(merged.trials.max() <= 32)
     ((64, 64), True)
     """

@@ -6,26 +6,26 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.added_tiles import (
+from jotlight.motion.agreement.consistency import CLEARLY_MORE, Consistent, find_consistent
+from jotlight.motion.agreement.held_out import central_frames, held_out_likelihood
+from jotlight.motion.agreement.stricter_test import select_bits
+from jotlight.motion.counts.blocks import Blocks
+from jotlight.motion.counts.kept_sums import keeps_sums
+from jotlight.motion.counts.sums import Sums
+from jotlight.motion.displacements.affine import follow_segment, follow_together, improve_together
+from jotlight.motion.displacements.scoring import make_blurred_template
+from jotlight.motion.displacements.segments import Segment, energy_of, find_segments
+from jotlight.motion.displacements.track import Paths, Track
+from jotlight.motion.outlines.added_tiles import (
     add_tiles,
     is_unexplained,
     needed_by_tiles,
     share_of_unknown,
 )
-from jotlight.motion.affine import follow_segment, follow_together, improve_together
-from jotlight.motion.blocks import Blocks
-from jotlight.motion.consistency import CLEARLY_MORE, Consistent, find_consistent
-from jotlight.motion.held_out import central_frames, held_out_likelihood
-from jotlight.motion.kept_sums import keeps_sums
-from jotlight.motion.likelihood_gain import likelihood_gain
-from jotlight.motion.objects import MAX_OBJECTS, PARAMETERS, add_objects
-from jotlight.motion.outlines import choose_labels
-from jotlight.motion.scoring import make_blurred_template
-from jotlight.motion.segment_outlines import ROUNDS, add_outlines
-from jotlight.motion.segments import Segment, energy_of, find_segments
-from jotlight.motion.stricter_test import select_bits
-from jotlight.motion.sums import Sums
-from jotlight.motion.track import Paths, Track
+from jotlight.motion.outlines.likelihood_gain import likelihood_gain
+from jotlight.motion.outlines.objects import MAX_OBJECTS, PARAMETERS, add_objects
+from jotlight.motion.outlines.outlines import choose_labels
+from jotlight.motion.outlines.segment_outlines import ROUNDS, add_outlines
 
 Array = npt.NDArray[np.float64]
 

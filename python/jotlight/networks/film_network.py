@@ -9,7 +9,7 @@ class FilmNetwork(PlanesNetwork):
 
     It improves the estimates of the gray network with counts of three lengths along the motion,
     those of neighboring moments, and the last image of the film.
-    :class:`jotlight.motion.film_estimates.FilmEstimates` uses it.
+    :class:`jotlight.FilmEstimates` uses it.
 
     Parameters
     ----------

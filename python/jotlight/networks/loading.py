@@ -56,8 +56,7 @@ def wrong_network(network: object) -> str | None:
         return f"a path; pass jotlight.Network.load({os.fspath(network)!r})"
     if isinstance(network, FilmNetwork):
         return (
-            "a film network; jotlight.motion.film_estimates.FilmEstimates(network) estimates the "
-            "images of a film with it"
+            "a film network; jotlight.FilmEstimates(network) estimates the images of a film with it"
         )
     if callable(getattr(network, "to_network", None)):
         return "a module of jotlight.torch; pass module.to_network()"

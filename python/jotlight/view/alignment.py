@@ -2,11 +2,11 @@
 
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align
-from jotlight.motion.burst import refuse_pixels
-from jotlight.motion.jot_kinds import frames_of_kinds
+from jotlight.motion.counts.burst import refuse_pixels
+from jotlight.motion.counts.reading_counts import counts_for_motion
 from jotlight.motion.merge import merge
+from jotlight.motion.merging.jot_kinds import frames_of_kinds
 from jotlight.motion.motion import Motion
-from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reading_groups import without_mosaic
 from jotlight.view.estimate import choose
