@@ -119,7 +119,7 @@ def calibrate(
     >>> rng = np.random.default_rng(0)
     >>> counts = rng.binomial(4096, 0.002, (64, 64))
     >>> counts[10, 20] = 4096
-    >>> calibration = calibrate(counts, frames=4096)
+    >>> calibration = jl.calibrate(counts, frames=4096)
     >>> np.argwhere(calibration.mask).tolist()
     [[10, 20]]
     >>> calibration.sensor(frames=16)

@@ -24,7 +24,7 @@ def captured_threshold(threshold: int | None, **captures: object) -> int:
 
     Examples
     --------
-    >>> bits = Sensor(frames=4, threshold=2).expose(np.zeros((8, 8)), rng=0)
+    >>> bits = jl.Sensor(frames=4, threshold=2).expose(np.zeros((8, 8)), rng=0)
     >>> captured_threshold(None, dark=bits, flat=None)
     2
     >>> captured_threshold(1, dark=bits)
@@ -54,7 +54,7 @@ def refuse_read_noise(sensor: Sensor) -> None:
 
     Examples
     --------
-    >>> refuse_read_noise(Sensor(read_noise=0.3))
+    >>> refuse_read_noise(jl.Sensor(read_noise=0.3))
     Traceback (most recent call last):
       ...
     ValueError: read_noise: expected 0 with the dark counts of a calibration, ..., got 0.3; ...

@@ -111,7 +111,7 @@ def find_hot_jots(
     --------
     >>> rates = np.full((32, 32), 0.02)
     >>> rates[5, 7] = 0.5
-    >>> bits = Bits.from_array(np.random.default_rng(0).random((200, 32, 32)) < rates)
+    >>> bits = jl.Bits.from_array(np.random.default_rng(0).random((200, 32, 32)) < rates)
     >>> np.argwhere(find_hot_jots(bits)).tolist()
     [[5, 7]]
     """
@@ -153,9 +153,9 @@ def hot_jots_unknown_reason(data: object, sensor: Sensor) -> str | None:
 
     Examples
     --------
-    >>> hot_jots_unknown_reason(None, Sensor(frames=4)) is None
+    >>> hot_jots_unknown_reason(None, jl.Sensor(frames=4)) is None
     True
-    >>> hot_jots_unknown_reason(None, Sensor(bit_depth=4)).partition(";")[0]
+    >>> hot_jots_unknown_reason(None, jl.Sensor(bit_depth=4)).partition(";")[0]
     'expected single bits, got readings of 4 bits'
     """
     mask = "pass the known hot jots with mask= (--mask)"
@@ -191,7 +191,7 @@ def hot_jots_of(
     --------
     >>> counts = np.full((32, 32), 40)
     >>> counts[5, 7] = 1000
-    >>> np.argwhere(hot_jots_of(counts, 2000, Sensor(frames=2000))).tolist()
+    >>> np.argwhere(hot_jots_of(counts, 2000, jl.Sensor(frames=2000))).tolist()
     [[5, 7]]
     """
     return find_hot_jots(

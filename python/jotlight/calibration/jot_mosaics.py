@@ -52,7 +52,7 @@ def has_filters_of_jots(sensor: Sensor, jots: Mosaic, shape: tuple[int, int]) ->
 
     Examples
     --------
-    >>> sensor = Sensor(oversampling=2, mosaic="RGGB")
+    >>> sensor = jl.Sensor(oversampling=2, mosaic="RGGB")
     >>> has_filters_of_jots(sensor, Mosaic("RRGG/RRGG/GGBB/GGBB"), (8, 8))
     True
     >>> has_filters_of_jots(sensor, Mosaic("RGGB"), (8, 8))

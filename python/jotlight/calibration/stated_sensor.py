@@ -44,7 +44,7 @@ def stated_sensor(
     >>> capture = {"frames": 8, "jots": (4, 4), "provenance": None}
     >>> stated_sensor(None, None, {"gain": 3.0}, **capture)
     Sensor(frames=8, gain=3.0)
-    >>> stated_sensor(Sensor(frames=6, max_intensity=2.0), None, {"gain": 3.0}, **capture)
+    >>> stated_sensor(jl.Sensor(frames=6, max_intensity=2.0), None, {"gain": 3.0}, **capture)
     Sensor(frames=6, gain=3.0, max_intensity=2.0)
     """
     if calibration is not None:

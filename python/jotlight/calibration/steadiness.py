@@ -110,11 +110,11 @@ def steadiness(
     Examples
     --------
     >>> frames = np.random.default_rng(0).random((200, 16, 16)) < 0.3
-    >>> found = steadiness(Bits.from_array(frames))
+    >>> found = steadiness(jl.Bits.from_array(frames))
     >>> abs(found.correlation_z) < 4, abs(found.homogeneity_z) < 4
     (True, True)
     >>> twice = np.repeat(frames, 2, axis=0)  # each frame occurs twice
-    >>> round(steadiness(Bits.from_array(twice)).correlation, 1)
+    >>> round(steadiness(jl.Bits.from_array(twice)).correlation, 1)
     0.5
     """
     check_mask(mask, bits.shape[1:])

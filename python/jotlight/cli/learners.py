@@ -164,7 +164,7 @@ def describe_kind(network: Network, quality: str | None) -> str:
 
     Examples
     --------
-    >>> describe_kind(Network.initial(Sensor(frames=16)), "two-layer")
+    >>> describe_kind(jl.Network.initial(jl.Sensor(frames=16)), "two-layer")
     'a two-layer network for 16 bits per pixel'
     """
     size = quality or (TWO_LAYER if len(network.layers) == 2 else f"{len(network.layers)}-layer")

@@ -120,7 +120,7 @@ def calibrate(
     --------
     >>> frames = np.random.default_rng(0).random((256, 16, 16)) < 0.01
     >>> frames[:, 3, 5] = True
-    >>> lazy = calibrate(Bits.from_array(frames).to_dask(chunks=100), width=16)
+    >>> lazy = jl.dask.calibrate(jl.Bits.from_array(frames).to_dask(chunks=100), width=16)
     >>> np.argwhere(lazy.mask.compute()).tolist()
     [[3, 5]]
     """

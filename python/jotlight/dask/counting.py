@@ -60,7 +60,7 @@ def count(
 
     Examples
     --------
-    >>> bits = Bits.from_array(np.ones((100, 16, 16), bool))
+    >>> bits = jl.Bits.from_array(np.ones((100, 16, 16), bool))
     >>> counts = count(bits.to_dask(chunks=30), window=32, width=bits.width)
     >>> counts.shape, np.unique(counts.compute()).tolist()
     ((3, 16, 16), [32])

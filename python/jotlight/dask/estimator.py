@@ -90,7 +90,7 @@ class Estimator:
 
         Examples
         --------
-        >>> choose_estimator(Sensor(mosaic="RGGB"), "mle").estimate_shape((5, 16, 24))
+        >>> choose_estimator(jl.Sensor(mosaic="RGGB"), "mle").estimate_shape((5, 16, 24))
         (5, 16, 24, 3)
         """
         if self.sensor.mosaic is None:
@@ -112,7 +112,7 @@ class Estimator:
 
         Examples
         --------
-        >>> choose_estimator(Sensor(frames=4), "mle").table().round(2).tolist()
+        >>> choose_estimator(jl.Sensor(frames=4), "mle").table().round(2).tolist()
         [0.0, 0.28999999165534973, 0.6899999976158142, 1.0, 1.0]
         """
         table: npt.NDArray[np.float32] = self(
@@ -190,9 +190,9 @@ def choose_estimator(
 
     Examples
     --------
-    >>> choose_estimator(Sensor(frames=16), quality="small").choice.method
+    >>> choose_estimator(jl.Sensor(frames=16), quality="small").choice.method
     'network-small'
-    >>> choose_estimator(Sensor(frames=16, mosaic="RGGB")).choice.method
+    >>> choose_estimator(jl.Sensor(frames=16, mosaic="RGGB")).choice.method
     'network-color'
     """
     options = dict(options or {})

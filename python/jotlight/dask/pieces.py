@@ -54,7 +54,7 @@ class Pieces:
 
     Examples
     --------
-    >>> bits = Bits.from_array(np.ones((100, 16, 16), bool))
+    >>> bits = jl.Bits.from_array(np.ones((100, 16, 16), bool))
     >>> pieces = Pieces.of(bits.to_dask(chunks=48), window=32, width=16)
     >>> pieces.in_chunks
     [[(0, 32), (32, 48)], [(48, 64), (64, 96)]]

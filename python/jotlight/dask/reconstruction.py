@@ -84,12 +84,12 @@ def reconstruct(
 
     Examples
     --------
-    >>> bits = Sensor(frames=64).expose(np.full((16, 16), 0.5), rng=0)
-    >>> reconstruct(bits, window=16, method="mle").shape
+    >>> bits = jl.Sensor(frames=64).expose(np.full((16, 16), 0.5), rng=0)
+    >>> jl.dask.reconstruct(bits, window=16, method="mle").shape
     (4, 16, 16)
-    >>> sensor = Sensor(frames=64, mosaic="RGGB")
+    >>> sensor = jl.Sensor(frames=64, mosaic="RGGB")
     >>> bits = sensor.expose(np.full((16, 16, 3), 0.5), rng=0)
-    >>> reconstruct(bits, window=16).shape
+    >>> jl.dask.reconstruct(bits, window=16).shape
     (4, 16, 16, 3)
     """
     if not isinstance(x, Bits):

@@ -151,10 +151,10 @@ def admm_tv(
 
     Examples
     --------
-    >>> sensor = Sensor(oversampling=4)
+    >>> sensor = jl.Sensor(oversampling=4)
     >>> image = np.where(np.arange(32)[:, None] < 16, 0.2, 0.7) * np.ones((32, 32))
     >>> bits = sensor.expose(image, rng=0)
-    >>> estimate, history = admm_tv(bits, sensor, return_history=True)
+    >>> estimate, history = jl.admm_tv(bits, sensor, return_history=True)
     >>> history.converged, bool(abs(estimate - image).mean() < 0.05)
     (True, True)
     """

@@ -137,7 +137,7 @@ def plan_brackets(
 
     Examples
     --------
-    >>> found = plan_brackets(Sensor(frames=48), (0.05, 100.0))
+    >>> found = jl.plan_brackets(jl.Sensor(frames=48), (0.05, 100.0))
     >>> int(found.frames.sum()), bool(found.min_snr > found.single_snr.min() + 10)
     (48, True)
     >>> found.sensor.readings_differ
@@ -191,7 +191,7 @@ def snr_bound(sensor: Sensor, intensity: npt.ArrayLike) -> Array:
 
     Examples
     --------
-    >>> snr_bound(Sensor(frames=48), [0.5, 2.0]).round(1)
+    >>> snr_bound(jl.Sensor(frames=48), [0.5, 2.0]).round(1)
     array([12.7, 14.8])
     """
     values = numbers_from_zero("intensity", intensity)
@@ -229,7 +229,7 @@ def intensity_range(sensor: Sensor, snr: float) -> tuple[float, float]:
 
     Examples
     --------
-    >>> low, high = intensity_range(Sensor(frames=48), 9.0)
+    >>> low, high = intensity_range(jl.Sensor(frames=48), 9.0)
     >>> round(float(20 * np.log10(high / low)), 1)  # dB
     28.9
     """

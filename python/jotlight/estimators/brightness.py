@@ -39,7 +39,7 @@ def detected_photons(sensor: Sensor) -> float:
     Examples
     --------
     >>> efficiency = np.array([[0.5, 0.5, 1.0]])
-    >>> detected_photons(Sensor(frames=10, gain=20.0, efficiency=efficiency))
+    >>> detected_photons(jl.Sensor(frames=10, gain=20.0, efficiency=efficiency))
     1.0
     """
     return reference_jot(sensor).efficiency * sensor.gain / sensor.frames
@@ -66,10 +66,10 @@ def unit_scale(sensor: Sensor, units: str, data: PreparedData | None = None) -> 
 
     Examples
     --------
-    >>> sensor = Sensor(frames=10, gain=20.0, exposure_time=1e-5)
+    >>> sensor = jl.Sensor(frames=10, gain=20.0, exposure_time=1e-5)
     >>> unit_scale(sensor, "photons"), round(unit_scale(sensor, "photons-per-second"))
     (2.0, 200000)
-    >>> unit_scale(sensor, "photons", Merged([[3]], 40.0, sensor, light_share=0.25))
+    >>> unit_scale(sensor, "photons", jl.Merged([[3]], 40.0, sensor, light_share=0.25))
     8.0
     """
     check_choice("units", units, UNITS)
@@ -106,7 +106,7 @@ def max_measurable_intensity(sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> round(max_measurable_intensity(Sensor(frames=16)), 3)  # -log(1/32)
+    >>> round(max_measurable_intensity(jl.Sensor(frames=16)), 3)  # -log(1/32)
     3.466
     """
     response = sensor.pixel_response()
@@ -143,7 +143,7 @@ def estimate_brightness(
 
     Examples
     --------
-    >>> sensor = Sensor(frames=64)
+    >>> sensor = jl.Sensor(frames=64)
     >>> round(estimate_brightness(sensor.expose(np.full((32, 32), 0.3), rng=0), sensor), 1)
     0.3
     """
@@ -186,8 +186,8 @@ def training_sensor(
 
     Examples
     --------
-    >>> bits = Sensor(frames=64).expose(np.full((32, 32), 0.3), rng=0)
-    >>> sensor, brightness = training_sensor(bits, Sensor(frames=64))
+    >>> bits = jl.Sensor(frames=64).expose(np.full((32, 32), 0.3), rng=0)
+    >>> sensor, brightness = training_sensor(bits, jl.Sensor(frames=64))
     >>> round(sensor.max_intensity / brightness)
     2
     """

@@ -73,7 +73,7 @@ class FreeRunning:
 
     Examples
     --------
-    >>> pixel = FreeRunning(dead_time=0.01)
+    >>> pixel = jl.FreeRunning(dead_time=0.01)
     >>> pixel.max_count, pixel.mean(100.0).round(1).tolist()  # about r / (1 + r τ)
     (100, 50.1)
     >>> pixel.mle([0, 50, 99]).round(1).tolist()
@@ -109,7 +109,7 @@ class FreeRunning:
 
         Examples
         --------
-        >>> FreeRunning(dead_time=0.3).at_least([0, 1, 5], 2.0).round(4).tolist()
+        >>> jl.FreeRunning(dead_time=0.3).at_least([0, 1, 5], 2.0).round(4).tolist()
         [1.0, 0.8647, 0.0]
         """
         return self._renewal.at_least(self._checked(count, 1), self._rate(light))
@@ -121,7 +121,7 @@ class FreeRunning:
 
         Examples
         --------
-        >>> pixel = FreeRunning(dead_time=0.3)
+        >>> pixel = jl.FreeRunning(dead_time=0.3)
         >>> pixel.probability([0, 1, 2, 3, 4], 2.0).round(4).tolist()
         [0.1353, 0.4565, 0.3607, 0.0474, 0.0001]
         """
@@ -133,7 +133,7 @@ class FreeRunning:
 
         Examples
         --------
-        >>> FreeRunning(dead_time=0.01).mean([100.0, np.inf]).round(1).tolist()
+        >>> jl.FreeRunning(dead_time=0.01).mean([100.0, np.inf]).round(1).tolist()
         [50.1, 100.0]
         """
         return self._renewal.mean(self._rate(light))
@@ -144,7 +144,7 @@ class FreeRunning:
 
         Examples
         --------
-        >>> FreeRunning(dead_time=0.01).draw(np.full(3, 1e9), rng=0).tolist()
+        >>> jl.FreeRunning(dead_time=0.01).draw(np.full(3, 1e9), rng=0).tolist()
         [100, 100, 100]
         """
         levels = np.asarray(to_array("light", light), np.float64)
@@ -205,7 +205,7 @@ class FreeRunning:
 
         Examples
         --------
-        >>> low, high = FreeRunning(dead_time=0.01).interval([0, 50, 100])
+        >>> low, high = jl.FreeRunning(dead_time=0.01).interval([0, 50, 100])
         >>> low.round(1).tolist(), high.round(1).tolist()
         ([0.0, 72.8, 8136.4], [3.7, 131.8, inf])
         """
@@ -228,7 +228,7 @@ class FreeRunning:
 
         Examples
         --------
-        >>> FreeRunning(dead_time=1e-4).information(10.0).round(4).tolist()  # 1/10 without τ
+        >>> jl.FreeRunning(dead_time=1e-4).information(10.0).round(4).tolist()  # 1/10 without τ
         0.0999
         """
         return self.efficiency**2 * self._renewal.information(self._rate(light))
@@ -238,7 +238,7 @@ class FreeRunning:
 
         Examples
         --------
-        >>> FreeRunning(dead_time=0.01).score([0, 50], [1.0, 90.0]).round(3).tolist()
+        >>> jl.FreeRunning(dead_time=0.01).score([0, 50], [1.0, 90.0]).round(3).tolist()
         [-1.0, 0.053]
         """
         return self.efficiency * self._renewal.score(self._checked(counts), self._rate(light))
@@ -294,7 +294,7 @@ class FreeRunning:
 
         Examples
         --------
-        >>> pixel, counts = FreeRunning(dead_time=0.01), [[0, 20, 50]]
+        >>> pixel, counts = jl.FreeRunning(dead_time=0.01), [[0, 20, 50]]
         >>> merged = pixel.merge(counts, light=200.0, near_neighbors=False)
         >>> (merged.ones / merged.trials).round(3).tolist()  # p = 1 - exp(-s) of the readings
         [[0.0, 0.031, 0.117]]

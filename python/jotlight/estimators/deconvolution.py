@@ -40,7 +40,7 @@ def deconvolve(means: Image, sensor: Sensor) -> Image:
     --------
     >>> image = np.zeros((9, 9), np.float32)
     >>> image[4, 4] = 1
-    >>> sensor = Sensor(oversampling=4, kernel="cubic")
+    >>> sensor = jl.Sensor(oversampling=4, kernel="cubic")
     >>> sharp = deconvolve(image, sensor)
     >>> print(sharp[4, 3:6].round(2))
     [-0.26  1.95 -0.26]

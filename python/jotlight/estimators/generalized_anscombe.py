@@ -142,11 +142,9 @@ def is_saturated(joint: JointLikelihood) -> bool:
     Examples
     --------
     >>> from jotlight.sensing.joint_likelihood import joint_likelihood
-    >>> from jotlight.sensing.readings import Readings
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> sensor = Sensor(bit_depth=2)
+    >>> sensor = jl.Sensor(bit_depth=2)
     >>> for readings in ([3, 1, 3, 3], [3, 0, 0, 1, 1, 2, 0]):
-    ...     is_saturated(joint_likelihood(Readings([[readings]], sensor), sensor, None))
+    ...     is_saturated(joint_likelihood(jl.Readings([[readings]], sensor), sensor, None))
     True
     False
     """

@@ -60,7 +60,7 @@ def equivalent_counts(
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
-    >>> pixels = count_pixels(np.array([[2, 4]]), Sensor(frames=8), None)
+    >>> pixels = count_pixels(np.array([[2, 4]]), jl.Sensor(frames=8), None)
     >>> equivalent_counts(pixels, (0.5, 0.0), 8, None).round(2)  # half the efficiency, fewer ones
     array([[1.07, 2.34]], dtype=float32)
     """
@@ -131,7 +131,7 @@ def equivalent_fractions(
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
-    >>> pixels = count_pixels(np.array([[2, 4]]), Sensor(frames=8), None)
+    >>> pixels = count_pixels(np.array([[2, 4]]), jl.Sensor(frames=8), None)
     >>> equivalent_fractions(pixels, None).tolist()
     [[0.25, 0.5]]
     """
@@ -164,7 +164,7 @@ def intensity_from_probability(
 
     Examples
     --------
-    >>> intensity_from_probability(np.float32([0.0, 0.5, 1.0]), Sensor(), None).round(4)
+    >>> intensity_from_probability(np.float32([0.0, 0.5, 1.0]), jl.Sensor(), None).round(4)
     array([0.    , 0.6931, 1.    ], dtype=float32)
     """
     reference = reference_jot(sensor)

@@ -59,9 +59,8 @@ def maximize(joint: JointLikelihood) -> Array:
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
-    >>> sensor = Sensor(frames=2, gain=[0.5, 1.5], max_intensity=9.0)
-    >>> bits = Bits.from_array([[[1]], [[0]]])
+    >>> sensor = jl.Sensor(frames=2, gain=[0.5, 1.5], max_intensity=9.0)
+    >>> bits = jl.Bits.from_array([[[1]], [[0]]])
     >>> maximize(joint_likelihood(bits, sensor, None)).round(4)  # 2 log(4/3)
     array([[0.5754]])
     """
@@ -74,7 +73,7 @@ def dark_intensity(sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> dark_intensity(Sensor(frames=2, gain=[1.0, 3.0], dark_counts=0.5))
+    >>> dark_intensity(jl.Sensor(frames=2, gain=[1.0, 3.0], dark_counts=0.5))
     0.25
     """
     efficiency, dark_counts = reference_jot(sensor)
@@ -130,9 +129,8 @@ def regular_maximum(joint: JointLikelihood) -> Array:
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
-    >>> sensor = Sensor(frames=2, gain=[0.5, 1.5], max_intensity=9.0)
-    >>> joint = joint_likelihood(Bits.from_array(np.zeros((2, 1, 1), int)), sensor, None)
+    >>> sensor = jl.Sensor(frames=2, gain=[0.5, 1.5], max_intensity=9.0)
+    >>> joint = joint_likelihood(jl.Bits.from_array(np.zeros((2, 1, 1), int)), sensor, None)
     >>> regular_maximum(joint).round(4), maximize(joint)  # 2 - exp(-x/2) - exp(-3x/2) = 1/2
     (array([[0.2988]]), array([[0.]]))
     """
@@ -152,9 +150,8 @@ def solve_expected_total(joint: JointLikelihood, total: npt.ArrayLike) -> Array:
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
     >>> joint = joint_likelihood(
-    ...     Bits.from_array([[[1]], [[0]]]), Sensor(frames=2, threshold=[1, 2]), None
+    ...     jl.Bits.from_array([[[1]], [[0]]]), jl.Sensor(frames=2, threshold=[1, 2]), None
     ... )
     >>> solve_expected_total(joint, 0.5).round(4)
     array([[0.518]])

@@ -32,7 +32,7 @@ class UniqueCounts:
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
-    >>> unique = UniqueCounts(count_pixels(np.array([[2, 0, 2]]), Sensor(frames=2), None))
+    >>> unique = UniqueCounts(count_pixels(np.array([[2, 0, 2]]), jl.Sensor(frames=2), None))
     >>> unique.ones.tolist(), unique.bits.tolist(), unique.expand(10 * unique.ones).tolist()
     ([0, 1, 2], [2, 2, 2], [[20, 0, 20]])
     """
@@ -70,7 +70,7 @@ def build_light_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInver
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
-    >>> pixels = count_pixels(np.array([[1, 0]]), Sensor(frames=2), None)
+    >>> pixels = count_pixels(np.array([[1, 0]]), jl.Sensor(frames=2), None)
     >>> unique = UniqueCounts(pixels)
     >>> invert = build_light_inverse(pixels, unique)
     >>> invert(unique.ones / 2, 1 - unique.ones / 2).round(4).tolist()  # log 2 and 0

@@ -58,7 +58,7 @@ def local_information(
     Examples
     --------
     >>> from jotlight.sensing.operators import scaling
-    >>> problem = Problem(scaling((4, 4), 1.0), Likelihood(np.full((4, 4), 8), trials=16))
+    >>> problem = jl.Problem(scaling((4, 4), 1.0), jl.Likelihood(np.full((4, 4), 8), trials=16))
     >>> light = np.ones((4, 4))
     >>> information, skewness = local_information(problem, light, light)
     >>> information.round(3)[0, 0], skewness[0, 0]  # 16 / (e^s - 1), s = log 2

@@ -65,8 +65,7 @@ def merge_at_maximum(
 
     Examples
     --------
-    >>> from jotlight.estimators.dead_time import FreeRunning
-    >>> pixel, sensor = FreeRunning(dead_time=0.25), Sensor(frames=80, gain=20.0)
+    >>> pixel, sensor = jl.FreeRunning(dead_time=0.25), jl.Sensor(frames=80, gain=20.0)
     >>> ones, trials, _ = merge_at_maximum(pixel, np.array([[2]]), 20.0, sensor)
     >>> round(float(-np.log1p(-ones / trials)[0, 0]) * 80, 2), pixel.mle(2).round(2).tolist()
     (3.63, 3.63)
@@ -111,8 +110,7 @@ def merge_near_neighbors(
 
     Examples
     --------
-    >>> from jotlight.estimators.dead_time import FreeRunning
-    >>> pixel, sensor = FreeRunning(dead_time=0.25), Sensor(frames=80, gain=20.0)
+    >>> pixel, sensor = jl.FreeRunning(dead_time=0.25), jl.Sensor(frames=80, gain=20.0)
     >>> counts = pixel.draw(np.full((64, 64), 0.6 * 20), rng=0)
     >>> ones, trials, _ = merge_near_neighbors(pixel, counts, 20.0, sensor)
     >>> round(float(-np.log1p(-ones.sum() / trials.sum()) * 80 / 20), 1)

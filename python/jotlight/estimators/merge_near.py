@@ -75,10 +75,8 @@ class Merging:
 
         Examples
         --------
-        >>> from jotlight.sensing.bits import Bits
         >>> from jotlight.sensing.joint_likelihood import joint_likelihood
-        >>> from jotlight.sensing.sensor import Sensor
-        >>> sensor = Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0])
+        >>> sensor = jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0])
         >>> bits = sensor.expose(np.full((64, 64), 0.6), rng=0)
         >>> merged = Merging(joint_likelihood(bits, sensor, None)).near_neighbors()
         >>> bool(abs(merged.ones.sum() / merged.trials.sum() - (1 - np.exp(-0.6))) < 0.02)
@@ -123,11 +121,9 @@ class Merging:
 
         Examples
         --------
-        >>> from jotlight.sensing.bits import Bits
         >>> from jotlight.sensing.joint_likelihood import joint_likelihood
-        >>> from jotlight.sensing.sensor import Sensor
-        >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
-        >>> joint = joint_likelihood(Bits.from_array(np.ones((2, 1, 100), bool)), sensor, None)
+        >>> sensor = jl.Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
+        >>> joint = joint_likelihood(jl.Bits.from_array(np.ones((2, 1, 100), bool)), sensor, None)
         >>> merged = Merging(joint).near(np.full((1, 100), 0.5))
         >>> int(merged.ones.sum()), round(float(merged.trials.sum()))
         (199, 268)
@@ -182,7 +178,7 @@ def merge_different_jots(
     --------
     >>> from jotlight.sensing.pixel_counts import gray_images
     >>> efficiency = np.where(np.indices((4, 4))[1] % 2, 1.0, 0.2)
-    >>> sensor = Sensor(oversampling=2, frames=8, gain=64.0, efficiency=efficiency)
+    >>> sensor = jl.Sensor(oversampling=2, frames=8, gain=64.0, efficiency=efficiency)
     >>> images = gray_images(sensor.expose(np.full((2, 2), 0.5), rng=0))
     >>> merge_different_jots(images, sensor, None)[0].data[0].shape
     (2, 2)

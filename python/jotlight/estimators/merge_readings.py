@@ -77,8 +77,8 @@ def merge_readings(
 
     Examples
     --------
-    >>> sensor = Sensor(frames=48, gain=np.repeat([1.0, 8.0, 64.0], 16), max_intensity=5.0)
-    >>> merged = merge_readings(sensor.expose(np.array([[0.001, 0.1, 4.0]]), rng=0))
+    >>> sensor = jl.Sensor(frames=48, gain=np.repeat([1.0, 8.0, 64.0], 16), max_intensity=5.0)
+    >>> merged = jl.merge_readings(sensor.expose(np.array([[0.001, 0.1, 4.0]]), rng=0))
     >>> merged.sensor
     Sensor(frames=48, max_intensity=5.0)
     >>> bool(merged.trials[0, 0] > merged.trials[0, 1] > merged.trials[0, 2])
@@ -137,9 +137,8 @@ def counts_at_maximum(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
-    >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
-    >>> joint = joint_likelihood(Bits.from_array([[[1]], [[0]]]), sensor, None)
+    >>> sensor = jl.Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
+    >>> joint = joint_likelihood(jl.Bits.from_array([[[1]], [[0]]]), sensor, None)
     >>> ones, trials = counts_at_maximum(joint, reference_sensor(sensor))
     >>> ones.round(4), trials.round(4), (ones / trials).round(4)  # 1/4 at x = log(4/3)
     (array([[0.7973]]), array([[3.1892]]), array([[0.25]]))

@@ -88,7 +88,7 @@ def mle(
     Examples
     --------
     >>> counts = np.array([[0, 4, 8]])
-    >>> mle(counts, Sensor(frames=8)).round(4).tolist()
+    >>> jl.mle(counts, jl.Sensor(frames=8)).round(4).tolist()
     [[0.0, 0.6930999755859375, 1.0]]
     """
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)

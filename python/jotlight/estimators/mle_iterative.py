@@ -161,10 +161,10 @@ def mle_iterative(
 
     Examples
     --------
-    >>> sensor = Sensor(oversampling=4, frames=64, kernel="quadratic")
+    >>> sensor = jl.Sensor(oversampling=4, frames=64, kernel="quadratic")
     >>> image = np.outer(np.linspace(0.2, 0.8, 8), np.ones(8))
     >>> bits = sensor.expose(image, rng=0)
-    >>> estimate, history = mle_iterative(bits, sensor, return_history=True)
+    >>> estimate, history = jl.mle_iterative(bits, sensor, return_history=True)
     >>> history.converged, bool(abs(estimate - image).mean() < 0.1)
     (True, True)
     """

@@ -72,9 +72,9 @@ def min_intensity(sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> min_intensity(Sensor(gain=0.1))
+    >>> min_intensity(jl.Sensor(gain=0.1))
     1e-05
-    >>> round(min_intensity(Sensor(frames=2, gain=[0.01, 69.315])), 9)
+    >>> round(min_intensity(jl.Sensor(frames=2, gain=[0.01, 69.315])), 9)
     1e-07
     """
     dimmest = sensor.max_intensity

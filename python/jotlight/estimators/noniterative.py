@@ -111,7 +111,7 @@ def noniterative(
     Examples
     --------
     >>> counts = np.full((8, 8), 8)
-    >>> noniterative(counts, Sensor(frames=16), denoiser=lambda z: z)[0, 0].round(3)
+    >>> jl.noniterative(counts, jl.Sensor(frames=16), denoiser=lambda z: z)[0, 0].round(3)
     np.float32(0.693)
     """
     resolve_denoiser(denoiser)  # check it first

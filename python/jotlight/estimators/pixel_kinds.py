@@ -79,11 +79,9 @@ class PixelKind:
 
         Examples
         --------
-        >>> from jotlight.sensing.bits import Bits
         >>> from jotlight.sensing.joint_likelihood import joint_likelihood
-        >>> from jotlight.sensing.sensor import Sensor
-        >>> sensor = Sensor(frames=2, gain=[np.log(2), np.log(4)])
-        >>> joint = joint_likelihood(Bits.from_array([[[1]], [[0]]]), sensor, None)
+        >>> sensor = jl.Sensor(frames=2, gain=[np.log(2), np.log(4)])
+        >>> joint = joint_likelihood(jl.Bits.from_array([[[1]], [[0]]]), sensor, None)
         >>> (kind,) = find_kinds(joint)
         >>> kind.distribution(np.array([1.0]), 3).round(4)  # p = 1/2 and 3/4
         array([[0.125, 0.5  , 0.375]])
@@ -104,8 +102,7 @@ def find_kinds(joint: JointLikelihood) -> list[PixelKind]:
     Examples
     --------
     >>> from jotlight.sensing.joint_likelihood import joint_likelihood
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> sensor = Sensor(bit_depth=3, efficiency=[[0.5, 0.7, 0.9]], mask=[[False, False, True]])
+    >>> sensor = jl.Sensor(bit_depth=3, efficiency=[[0.5, 0.7, 0.9]], mask=[[False, False, True]])
     >>> readings = sensor.expose(np.array([[0.5, 1.0, 1.0]]), rng=0)
     >>> [kind.pixels.tolist() for kind in find_kinds(joint_likelihood(readings, sensor, None))]
     [[0, 1]]

@@ -193,7 +193,7 @@ def plan(
 
     Examples
     --------
-    >>> expected = plan(Sensor(), (0.05, 1.0), frames=[16, 256], target_psnr=30.0)
+    >>> expected = jl.plan(jl.Sensor(), (0.05, 1.0), frames=[16, 256], target_psnr=30.0)
     >>> expected.psnr.round(1).tolist(), expected.required_frames
     ([12.3, 25.3], 758)
     """

@@ -39,7 +39,8 @@ def build_problem(data: PreparedData, sensor: Sensor, threads: int | None) -> Pr
 
     Examples
     --------
-    >>> build_problem(np.array([[3, 1]], np.int32), Sensor(oversampling=2), None).likelihood.shape
+    >>> sensor = jl.Sensor(oversampling=2)
+    >>> build_problem(np.array([[3, 1]], np.int32), sensor, None).likelihood.shape
     (1, 1, 2)
     """
     images = gray_images(data)

@@ -35,7 +35,7 @@ def reference_sensor(sensor: Sensor) -> Sensor:
 
     Examples
     --------
-    >>> reference_sensor(Sensor(frames=4, gain=[2.0, 2.0, 16.0, 16.0])).gain
+    >>> reference_sensor(jl.Sensor(frames=4, gain=[2.0, 2.0, 16.0, 16.0])).gain
     8.0
     """
     if sensor.has_plain_bits and sensor.threshold == 1:
@@ -66,7 +66,7 @@ def light_share(sensor: Sensor, reference: Sensor) -> float | None:
 
     Examples
     --------
-    >>> several = Sensor(frames=4, gain=64.0, bit_depth=4)
+    >>> several = jl.Sensor(frames=4, gain=64.0, bit_depth=4)
     >>> round(light_share(several, reference_sensor(several)), 4)  # 1/4 of 14.7 photons
     0.017
     """
@@ -80,7 +80,7 @@ def half_rate(sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> round(half_rate(Sensor()), 4), round(half_rate(Sensor(bit_depth=2)), 4)  # log(2)
+    >>> round(half_rate(jl.Sensor()), 4), round(half_rate(jl.Sensor(bit_depth=2)), 4)  # log(2)
     (0.6931, 2.6741)
     """
     photons = sensor.threshold - 1 + sensor.max_reading
@@ -107,7 +107,7 @@ def reference_dark_counts(
 
     Examples
     --------
-    >>> sensor = Sensor(bit_depth=8, gain=100.0)
+    >>> sensor = jl.Sensor(bit_depth=8, gain=100.0)
     >>> reference_dark_counts(sensor, sensor.replace(gain=0.25), 40.0)
     0.1
     """

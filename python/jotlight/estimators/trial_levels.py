@@ -63,10 +63,9 @@ def count_local_trials(pixels: PixelCounts, threads: int | None = None) -> list[
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import PixelCounts
-    >>> from jotlight.sensing.sensor import Sensor
     >>> trials = np.array([[[4.0, 0.0]], [[2.0, 2.0]]])
     >>> counts = np.zeros(trials.shape, np.int32)
-    >>> count_local_trials(PixelCounts(Sensor(), counts, trials, 1.0, 0.0, False))
+    >>> count_local_trials(PixelCounts(jl.Sensor(), counts, trials, 1.0, 0.0, False))
     [4, 2]
     """
     check_any_valid(pixels.trials)

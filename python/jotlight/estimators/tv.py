@@ -184,10 +184,10 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
 
     Examples
     --------
-    >>> from jotlight.sensing.likelihood import Likelihood
     >>> from jotlight.sensing.operators import scaling
     >>> ones = np.random.default_rng(0).binomial(16, 0.3, (64, 64))
-    >>> weight = automatic_weight(Problem(scaling((64, 64), 1.0), Likelihood(ones, trials=16)))
+    >>> likelihood = jl.Likelihood(ones, trials=16)
+    >>> weight = automatic_weight(jl.Problem(scaling((64, 64), 1.0), likelihood))
     >>> weight.shape, bool(weight.mean() > 5)  # The image is nothing but noise: smooth it all.
     ((64, 64), True)
     """

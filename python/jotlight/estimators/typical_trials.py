@@ -18,9 +18,9 @@ def typical_trials(sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> typical_trials(Sensor(frames=16))
+    >>> typical_trials(jl.Sensor(frames=16))
     16.0
-    >>> round(typical_trials(Sensor(frames=64, gain=64.0, bit_depth=3)))
+    >>> round(typical_trials(jl.Sensor(frames=64, gain=64.0, bit_depth=3)))
     271
     """
     if sensor.has_plain_bits:

@@ -33,7 +33,7 @@ def blend_weights(likelihood: Likelihood, lights: Array, floor: float = 0.0) -> 
 
     Examples
     --------
-    >>> likelihood = Likelihood(np.full(64, 26), trials=100)  # 0.301 = -log(1 - 0.26)
+    >>> likelihood = jl.Likelihood(np.full(64, 26), trials=100)  # 0.301 = -log(1 - 0.26)
     >>> blend_weights(likelihood, np.stack([np.full(64, s) for s in (0.2, 0.4)])).round(2)
     array([0.49, 0.51])
     """

@@ -88,7 +88,8 @@ def bright_pixels(images: GrayImages, sensor: Sensor, threads: int | None = None
     >>> from jotlight.sensing.pixel_counts import gray_images
     >>> counts = np.full((16, 16), 400, np.int32)
     >>> counts[2, 3] = 600
-    >>> bright = bright_pixels(gray_images(counts), Sensor(frames=640))  # -log(1 - 600/640) = 2.8
+    >>> sensor = jl.Sensor(frames=640)
+    >>> bright = bright_pixels(gray_images(counts), sensor)  # -log(1 - 600/640) = 2.8
     >>> np.argwhere(bright).tolist()
     [[0, 2, 3]]
     """
@@ -117,7 +118,7 @@ def bright_behind_mosaic(counted: Sequence[PixelCounts], mosaic: Mosaic) -> Flag
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
-    >>> pixels = count_pixels(np.array([[600, 300], [300, 300]]), Sensor(frames=640), None)
+    >>> pixels = count_pixels(np.array([[600, 300], [300, 300]]), jl.Sensor(frames=640), None)
     >>> bright_behind_mosaic([pixels], Mosaic("RGGB")).tolist()
     [[[True, False], [False, False]]]
     """

@@ -103,7 +103,7 @@ def reconstruct_channels(
     --------
     >>> from jotlight.layout import Layout
     >>> images = GrayImages(np.full((3, 8, 8), 8, np.int32), Layout((3,), -1))
-    >>> reconstruct_channels(images, Sensor(frames=16), None, None).shape
+    >>> reconstruct_channels(images, jl.Sensor(frames=16), None, None).shape
     (8, 8, 3)
     """
     network = network or pretrained_color(CHANNELS_FILE)

@@ -161,9 +161,9 @@ def choose_method(
 
     Examples
     --------
-    >>> choose_method(Sensor(frames=16)).method
+    >>> choose_method(jl.Sensor(frames=16)).method
     'network-medium'
-    >>> choose_method(Sensor(frames=10_000)).method
+    >>> choose_method(jl.Sensor(frames=10_000)).method
     'held-out'
     """
     recommended_for = None
@@ -207,7 +207,8 @@ def trials_of(sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> trials_of(Sensor(frames=16)), round(trials_of(Sensor(frames=64, gain=64.0, bit_depth=3)))
+    >>> several_bits = jl.Sensor(frames=64, gain=64.0, bit_depth=3)
+    >>> trials_of(jl.Sensor(frames=16)), round(trials_of(several_bits))
     (16.0, 271)
     """
     # In a bracket for a wide range of light, typical light has fewer trials than readings.
@@ -237,7 +238,7 @@ def check_fallback(
 
     Examples
     --------
-    >>> check_fallback(Sensor(), "mle", None, None)
+    >>> check_fallback(jl.Sensor(), "mle", None, None)
     Traceback (most recent call last):
       ...
     ValueError: fallback: is for networks, but the method is mle

@@ -31,11 +31,11 @@ def largest_colors(sensor: Sensor) -> npt.NDArray[np.float32]:
 
     Examples
     --------
-    >>> largest_colors(Sensor(max_intensity=2)).tolist()
+    >>> largest_colors(jl.Sensor(max_intensity=2)).tolist()
     2.0
     >>> from jotlight.sensing.mosaic import Mosaic
     >>> mosaic = Mosaic("RGGB", white_balance=[1.5, 1, 2])
-    >>> largest_colors(Sensor(mosaic=mosaic)).tolist()
+    >>> largest_colors(jl.Sensor(mosaic=mosaic)).tolist()
     [1.5, 1.0, 2.0]
     """
     factors = 1 if sensor.mosaic is None else sensor.mosaic.white_balance
@@ -102,7 +102,7 @@ def with_clipping_of(choice: Choice) -> Iterator[None]:
     Examples
     --------
     >>> from jotlight.evaluation.choice import choose_method
-    >>> with with_clipping_of(choose_method(Sensor(frames=16))):
+    >>> with with_clipping_of(choose_method(jl.Sensor(frames=16))):
     ...     pass
     """
     with hide_warnings(_BRIGHTER) if choice.saturation is not None else contextlib.nullcontext():
@@ -122,7 +122,8 @@ def clipping_of(choice: Choice, maximum: float) -> str | None:
     Examples
     --------
     >>> from jotlight.evaluation.choice import choose_method
-    >>> choice = choose_method(Sensor(frames=16), requested="network-small", is_range_known=False)
+    >>> sensor = jl.Sensor(frames=16)
+    >>> choice = choose_method(sensor, requested="network-small", is_range_known=False)
     >>> clipping_of(choice, 0.9) is None
     True
     >>> clipping_of(choice, 1.0)

@@ -39,7 +39,7 @@ def takes_sensor(sensor: Sensor) -> bool:
 
     Examples
     --------
-    >>> takes_sensor(Sensor(frames=16, mosaic="RGGB")), takes_sensor(Sensor(frames=2000))
+    >>> takes_sensor(jl.Sensor(frames=16, mosaic="RGGB")), takes_sensor(jl.Sensor(frames=2000))
     (True, False)
     """
     is_large = sensor.trials > MAX_NETWORK_TRIALS
@@ -102,8 +102,8 @@ def check_taken(sensor: Sensor, *, has_form: bool) -> None:
 
     Examples
     --------
-    >>> check_taken(Sensor(frames=16, mosaic="RGGB"), has_form=True)
-    >>> check_taken(Sensor(frames=2000, mosaic="RGGB"), has_form=True)
+    >>> check_taken(jl.Sensor(frames=16, mosaic="RGGB"), has_form=True)
+    >>> check_taken(jl.Sensor(frames=2000, mosaic="RGGB"), has_form=True)
     Traceback (most recent call last):
       ...
     ValueError: method: a color network takes bits of ...
@@ -123,7 +123,7 @@ def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> 
     Examples
     --------
     >>> check_demosaicing("network")
-    >>> check_demosaicing("network", Sensor(frames=16))
+    >>> check_demosaicing("network", jl.Sensor(frames=16))
     Traceback (most recent call last):
       ...
     ValueError: demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')
@@ -156,7 +156,7 @@ def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: b
 
     Examples
     --------
-    >>> uses_color_network(Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
+    >>> uses_color_network(jl.Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
     True
     """
     check_demosaicing(demosaicing, sensor)

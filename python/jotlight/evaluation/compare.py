@@ -134,9 +134,9 @@ def compare(
 
     Examples
     --------
-    >>> from jotlight.datasets import photograph
     >>> mine = lambda bits: bits.counts() / 16
-    >>> found = compare({"mine": mine, "mle": "mle"}, photograph()[:64, :64], Sensor(frames=16))
+    >>> photo = jl.datasets.photograph()[:64, :64]
+    >>> found = jl.compare({"mine": mine, "mle": "mle"}, photo, jl.Sensor(frames=16))
     >>> [result.method for result in found.results]
     ['mine', 'mle']
     """
@@ -170,7 +170,7 @@ def default_methods(sensor: Sensor, *, is_color: bool) -> dict[str, str | None]:
 
     Examples
     --------
-    >>> default_methods(Sensor(frames=8, mosaic="RGGB"), is_color=True)["network, color"] is None
+    >>> default_methods(jl.Sensor(frames=8, mosaic="RGGB"), is_color=True)["network, color"] is None
     True
     """
     methods: dict[str, str | None] = {METHODS[name].title: name for name in select_methods(sensor)}

@@ -77,7 +77,7 @@ def with_one_response(
     --------
     >>> from jotlight.sensing.pixel_counts import gray_images
     >>> import numpy as np
-    >>> sensor = Sensor(frames=2, gain=[1.0, 8.0])
+    >>> sensor = jl.Sensor(frames=2, gain=[1.0, 8.0])
     >>> bits = sensor.expose(np.full((2, 2), 0.5), rng=0)
     >>> with_one_response(gray_images(bits), sensor, None, None)[1]
     Sensor(frames=2)
@@ -160,7 +160,7 @@ def takes_readings(method: str | None, sensor: Sensor) -> bool:
 
     Examples
     --------
-    >>> several = Sensor(frames=2, bit_depth=4)
+    >>> several = jl.Sensor(frames=2, bit_depth=4)
     >>> takes_readings("noniterative-tv", several), takes_readings("admm-tv", several)
     (True, False)
     """

@@ -189,9 +189,8 @@ def evaluate(
 
     Examples
     --------
-    >>> from jotlight import mle
-    >>> sensor = Sensor(oversampling=4)
-    >>> evaluate(mle, np.full((2, 16, 16), 0.5), sensor).mean("psnr") > 10
+    >>> sensor = jl.Sensor(oversampling=4)
+    >>> jl.evaluate(jl.mle, np.full((2, 16, 16), 0.5), sensor).mean("psnr") > 10
     True
     """
     if isinstance(rng, bool) or not isinstance(rng, int | np.integer):

@@ -20,8 +20,8 @@ def first_frames(images: GrayImages, sensor: Sensor) -> tuple[GrayImages, Sensor
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import gray_images
-    >>> sensor = Sensor(frames=8)
-    >>> images = gray_images(Bits.from_array([[[0, 1]]] * 8))
+    >>> sensor = jl.Sensor(frames=8)
+    >>> images = gray_images(jl.Bits.from_array([[[0, 1]]] * 8))
     >>> first_frames(images, sensor)[1]  # they are few
     Sensor(frames=8)
     """
@@ -44,8 +44,7 @@ def on_usual_grid(images: GrayImages) -> GrayImages:
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import gray_images
-    >>> from jotlight.sensing.merged import Merged
-    >>> finer = Merged([[3, 1]], 4.0, Sensor(frames=4), upsample=2)
+    >>> finer = jl.Merged([[3, 1]], 4.0, jl.Sensor(frames=4), upsample=2)
     >>> on_usual_grid(gray_images(finer)).data[0].upsample
     1
     """

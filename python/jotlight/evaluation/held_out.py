@@ -124,7 +124,7 @@ def held_out(
 
     Examples
     --------
-    >>> sensor = Sensor(frames=4000)
+    >>> sensor = jl.Sensor(frames=4000)
     >>> image = np.outer(np.linspace(0.1, 0.3, 32), np.ones(32))
     >>> bool(abs(held_out(sensor.expose(image, rng=0)) - image).max() < 0.02)
     True
@@ -189,7 +189,7 @@ def smooth_kernel_reason(sensor: Sensor) -> str | None:
 
     Examples
     --------
-    >>> smooth_kernel_reason(Sensor(frames=16)) is None
+    >>> smooth_kernel_reason(jl.Sensor(frames=16)) is None
     True
     """
     if sensor.kernel == "box":

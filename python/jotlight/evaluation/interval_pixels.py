@@ -72,7 +72,7 @@ def stabilize(
 
     Examples
     --------
-    >>> stabilize(np.array([[0.0, np.log(2)]]), Sensor(), 1.0, 0.0).round(4)  # π/4
+    >>> stabilize(np.array([[0.0, np.log(2)]]), jl.Sensor(), 1.0, 0.0).round(4)  # π/4
     array([[0.    , 0.7854]])
     """
     rate = efficiency * sensor.light_per_intensity * intensity + dark_counts
@@ -105,8 +105,8 @@ def slope_of(
 
     Examples
     --------
-    >>> z = stabilize(np.array([[0.5, 0.5001]]), Sensor(), 1.0, 0.0)
-    >>> slope = slope_of(np.array([[0.5]]), Sensor(), 1.0, 0.0)
+    >>> z = stabilize(np.array([[0.5, 0.5001]]), jl.Sensor(), 1.0, 0.0)
+    >>> slope = slope_of(np.array([[0.5]]), jl.Sensor(), 1.0, 0.0)
     >>> bool(abs((z[0, 1] - z[0, 0]) / 1e-4 - slope[0, 0]) < 1e-3)
     True
     """

@@ -95,10 +95,9 @@ def reconstruct_mosaic(
     Examples
     --------
     >>> from functools import partial
-    >>> from jotlight.evaluation.reconstruct import reconstruct
-    >>> sensor = Sensor(frames=10_000, mosaic="RGBW", max_intensity=2.0)
+    >>> sensor = jl.Sensor(frames=10_000, mosaic="RGBW", max_intensity=2.0)
     >>> bits = sensor.expose(np.full((8, 8, 3), [0.3, 0.2, 0.1]), rng=0)
-    >>> estimate = partial(reconstruct, method="mle", return_info=True)
+    >>> estimate = partial(jl.reconstruct, method="mle", return_info=True)
     >>> colors, info = reconstruct_mosaic(bits, sensor, estimate)
     >>> colors.mean(axis=(0, 1)).round(2), info.title
     (array([0.3, 0.2, 0.1], dtype=float32), 'maximum likelihood, color differences')
@@ -185,7 +184,7 @@ def count_image(
 
     Examples
     --------
-    >>> count_image(np.full((4, 6), 3, np.int32), Sensor(frames=8), None).trials
+    >>> count_image(np.full((4, 6), 3, np.int32), jl.Sensor(frames=8), None).trials
     8
     """
     if sensor.has_plain_bits:

@@ -191,16 +191,15 @@ def reconstruct(
 
     Examples
     --------
-    >>> from jotlight.datasets import photograph
-    >>> sensor = Sensor(oversampling=2, frames=4)
-    >>> bits = sensor.expose(photograph("camera")[::8, ::8], rng=0)
-    >>> reconstruct(bits).shape
+    >>> sensor = jl.Sensor(oversampling=2, frames=4)
+    >>> bits = sensor.expose(jl.datasets.photograph("camera")[::8, ::8], rng=0)
+    >>> jl.reconstruct(bits).shape
     (64, 64)
-    >>> _, info = reconstruct(bits.counts(), sensor, method="mle", return_info=True)
+    >>> _, info = jl.reconstruct(bits.counts(), sensor, method="mle", return_info=True)
     >>> info.title, info.reason
     ('maximum likelihood', 'requested')
     >>> timed = sensor.replace(exposure_time=1e-5)
-    >>> photons = reconstruct(bits.counts(), timed, method="mle", units="photons-per-second")
+    >>> photons = jl.reconstruct(bits.counts(), timed, method="mle", units="photons-per-second")
     """
     if "return_history" in options:
         raise TypeError("return_history: pass return_info=True, and take the history of the info")

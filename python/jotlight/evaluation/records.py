@@ -29,7 +29,7 @@ def image_facts(
 
     Examples
     --------
-    >>> facts = image_facts(Sensor(frames=4), "mle", None, units="intensity", largest_value=1.0)
+    >>> facts = image_facts(jl.Sensor(frames=4), "mle", None, units="intensity", largest_value=1.0)
     >>> facts["method"], facts["sensor"]["frames"]
     ('mle', 4)
     """

@@ -112,7 +112,7 @@ class Request:
 
         Examples
         --------
-        >>> mosaic = Sensor(frames=16, mosaic="RGGB")
+        >>> mosaic = jl.Sensor(frames=16, mosaic="RGGB")
         >>> Request().choose(mosaic, takes_colors=True).method
         'network-color'
         >>> Request("mle").choose(mosaic, takes_colors=True).method
@@ -143,7 +143,7 @@ class Request:
         Examples
         --------
         >>> request = Request(quality="small")
-        >>> request.of_choice(request.choose(Sensor(frames=16), takes_colors=False)).method
+        >>> request.of_choice(request.choose(jl.Sensor(frames=16), takes_colors=False)).method
         'network-small'
         """
         if isinstance(self.method, AnyNetwork):

@@ -150,17 +150,16 @@ def uncertainty(
 
     Examples
     --------
-    >>> sensor = Sensor(frames=100, max_intensity=10.0)
-    >>> result = uncertainty(np.array([[0, 50, 100]]), sensor, method="mle")
+    >>> sensor = jl.Sensor(frames=100, max_intensity=10.0)
+    >>> result = jl.uncertainty(np.array([[0, 50, 100]]), sensor, method="mle")
     >>> result.standard_error.round(3)
     array([[0.007, 0.1  , 1.411]], dtype=float32)
     >>> result.low.round(2), result.high.round(2)
     (array([[0.  , 0.51, 3.32]], dtype=float32), array([[ 0.04,  0.92, 10.  ]], dtype=float32))
     >>> result.flags().tolist()
     [[1, 0, 2]]
-    >>> from jotlight.datasets import photograph
-    >>> image = photograph("camera")[100:200, 200:300]
-    >>> result = uncertainty(Sensor(frames=16).expose(image, rng=0), confidence_level=0.9)
+    >>> image = jl.datasets.photograph("camera")[100:200, 200:300]
+    >>> result = jl.uncertainty(jl.Sensor(frames=16).expose(image, rng=0), confidence_level=0.9)
     >>> bool(0.8 < ((result.low <= image) & (image <= result.high)).mean() < 0.99)
     True
     """
@@ -270,12 +269,12 @@ def check_errors_known(method: AnyMethod | None, sensor: Sensor) -> None:
 
     Examples
     --------
-    >>> check_errors_known("mle", Sensor(kernel="cubic"))
-    >>> check_errors_known(None, Sensor(kernel="cubic"))
+    >>> check_errors_known("mle", jl.Sensor(kernel="cubic"))
+    >>> check_errors_known(None, jl.Sensor(kernel="cubic"))
     Traceback (most recent call last):
       ...
     ValueError: sensor: expected the box kernel, got cubic: ...
-    >>> check_errors_known(None, Sensor(frames=1001, mosaic="RGGB"))
+    >>> check_errors_known(None, jl.Sensor(frames=1001, mosaic="RGGB"))
     Traceback (most recent call last):
       ...
     ValueError: data: expected up to 1,000 trials per pixel, because ...

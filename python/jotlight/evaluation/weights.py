@@ -54,10 +54,10 @@ def weights_sha256(
 
     Examples
     --------
-    >>> sensor = Sensor(frames=16, mosaic="RGGB")
+    >>> sensor = jl.Sensor(frames=16, mosaic="RGGB")
     >>> len(weights_sha256(sensor, "network-color", None))
     2
-    >>> len(weights_sha256(Sensor(), "network-film", None))
+    >>> len(weights_sha256(jl.Sensor(), "network-film", None))
     2
     >>> weights_sha256(sensor, "mle", None) is None
     True

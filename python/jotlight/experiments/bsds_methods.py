@@ -25,7 +25,7 @@ def methods_for(sensor: Sensor) -> list[str]:
 
     Examples
     --------
-    >>> "mle-iterative" in methods_for(Sensor(oversampling=4))  # it equals "mle" for this kernel
+    >>> "mle-iterative" in methods_for(jl.Sensor(oversampling=4))  # it equals "mle" for this kernel
     False
     """
     return [

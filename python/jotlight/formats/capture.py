@@ -70,7 +70,7 @@ class CountStack:
         Examples
         --------
         >>> stack = CountStack(np.ones((5, 2, 2), np.uint8), Provenance("npy", "a.npy"))
-        >>> stack.with_trials_of(Sensor(frames=50)).trials
+        >>> stack.with_trials_of(jl.Sensor(frames=50)).trials
         10
         """
         number, frames = len(self), sensor.frames
@@ -241,7 +241,7 @@ def assumed_sensor_note(sensor: Sensor) -> str:
 
     Examples
     --------
-    >>> assumed_sensor_note(Sensor(frames=4))
+    >>> assumed_sensor_note(jl.Sensor(frames=4))
     'the bits do not state their sensor; assumed: Sensor(frames=4)'
     """
     return f"the bits do not state their sensor; assumed: {sensor!r}"
@@ -252,7 +252,7 @@ def frames_of(capture: Capture) -> npt.NDArray[Any] | Frames:
 
     Examples
     --------
-    >>> frames_of(Bits(np.zeros((3, 4, 1), np.uint8))).shape
+    >>> frames_of(jl.Bits(np.zeros((3, 4, 1), np.uint8))).shape
     (3, 4, 1)
     """
     return capture.packed if isinstance(capture, Bits) else capture.images
@@ -263,7 +263,7 @@ def with_frames(capture: Capture, frames: npt.NDArray[Any] | Frames) -> Capture:
 
     Examples
     --------
-    >>> bits = Bits(np.zeros((3, 4, 1), np.uint8))
+    >>> bits = jl.Bits(np.zeros((3, 4, 1), np.uint8))
     >>> with_frames(bits, np.ones((3, 4, 1), np.uint8)).packed.sum()
     np.uint64(12)
     """
@@ -277,7 +277,7 @@ def jot_shape(data: Bits | CountStack) -> tuple[int, ...]:
 
     Examples
     --------
-    >>> jot_shape(Bits.from_array(np.zeros((5, 2, 3), bool)))
+    >>> jot_shape(jl.Bits.from_array(np.zeros((5, 2, 3), bool)))
     (5, 2, 3)
     """
     return tuple(data.shape if isinstance(data, Bits) else data.images.shape)

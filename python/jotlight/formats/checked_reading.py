@@ -20,8 +20,7 @@ def with_checksum(data: Capture) -> tuple[Capture, Callable[[], tuple[int, int]]
     Examples
     --------
     >>> import zlib
-    >>> from jotlight.sensing.bits import Bits
-    >>> bits, checksum = with_checksum(Bits(np.full((3, 1, 1), 7, np.uint8)))
+    >>> bits, checksum = with_checksum(jl.Bits(np.full((3, 1, 1), 7, np.uint8)))
     >>> checksum() == (3, zlib.crc32(bytes([7, 7, 7])))
     True
     """

@@ -75,8 +75,7 @@ def make_readings_label(sensor: SensorLike, provenance: Provenance | None) -> di
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> make_readings_label(Sensor(bit_depth=4), None)["sensor"]["bit_depth"]
+    >>> make_readings_label(jl.Sensor(bit_depth=4), None)["sensor"]["bit_depth"]
     4
     """
     label = make_bits_label(1, sensor, provenance)

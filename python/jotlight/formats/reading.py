@@ -124,7 +124,7 @@ def open(
     >>> import pathlib, tempfile
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "cube.npy"
     >>> np.save(path, np.packbits(np.ones((4, 6, 16), bool), axis=2))
-    >>> bits = open(path)
+    >>> bits = jl.open(path)
     >>> bits
     <Bits: 4 frames of 6 x 16 jots>
     >>> bits.provenance.notes[0]

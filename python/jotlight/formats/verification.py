@@ -44,9 +44,8 @@ def verify_capture(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from jotlight import Sensor, save
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "capture.npy"
-    >>> save(Sensor(frames=3).expose([[0.5] * 13], rng=0), path)
+    >>> jl.save(jl.Sensor(frames=3).expose([[0.5] * 13], rng=0), path)
     >>> verify_capture(path).partition("; ")[2]
     'all 3 frames are readable'
     """

@@ -32,7 +32,7 @@ def with_mosaic(data: AnyBits, mosaic: object) -> AnyBits:
 
     Examples
     --------
-    >>> with_mosaic(Bits.from_array([[[0, 1], [1, 1]]]), "RGGB").sensor
+    >>> with_mosaic(jl.Bits.from_array([[[0, 1], [1, 1]]]), "RGGB").sensor
     Sensor(mosaic=Mosaic('RGGB'))
     """
     if mosaic is None:

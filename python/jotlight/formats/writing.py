@@ -154,10 +154,9 @@ def save(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from jotlight import open
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "capture.npy"
-    >>> save(Bits.from_array(np.eye(10, dtype=bool)), path)
-    >>> open(path)
+    >>> jl.save(jl.Bits.from_array(np.eye(10, dtype=bool)), path)
+    >>> jl.open(path)
     <Bits: 1 frame of 10 x 10 jots>
     """
     path = as_path(path, 'jotlight.save(bits, "capture.npy")')

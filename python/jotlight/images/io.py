@@ -76,7 +76,7 @@ def read_image(
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "photo.png"
     >>> image_writer(path)(path, np.array([[0.0, 1.0]]))
-    >>> read_image(path)
+    >>> jl.read_image(path)
     array([[0., 1.]], dtype=float32)
     """
     path = as_path(path, 'jotlight.read_image("photo.png")')

@@ -76,7 +76,7 @@ def save_image(
     --------
     >>> import pathlib, tempfile
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "ramp.png"
-    >>> save_image(path, np.linspace(0, 1, 12).reshape(3, 4))
+    >>> jl.save_image(path, np.linspace(0, 1, 12).reshape(3, 4))
     >>> path.stat().st_size > 50
     True
     """
@@ -157,10 +157,9 @@ def save_film(
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from jotlight import Sensor
-    >>> bits = Sensor(frames=12).expose(np.full((20, 30), 0.5), rng=0)
+    >>> bits = jl.Sensor(frames=12).expose(np.full((20, 30), 0.5), rng=0)
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "film.gif"
-    >>> save_film(path, [part.counts() for part in bits.windows(4)], white=4)
+    >>> jl.save_film(path, [part.counts() for part in bits.windows(4)], white=4)
     >>> path.stat().st_size > 100
     True
     """

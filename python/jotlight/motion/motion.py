@@ -89,7 +89,7 @@ class Motion(HasReadOnlyArrays):
     >>> nodes[0, 1] = 3
     >>> information = np.ones((1, 2, 3, 1, 1), np.float32)
     >>> labels = np.zeros((16, 16), np.uint8)
-    >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", information)
+    >>> motion = jl.Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", information)
     >>> motion.at(2)[:, 4, 4].tolist()  # a third of the way from frame 0 to frame 6
     [1.0, 1.0]
     """
@@ -210,7 +210,7 @@ class Motion(HasReadOnlyArrays):
         >>> nodes[0, 1] = 3
         >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
         >>> labels = np.zeros((16, 16), np.uint8)
-        >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
+        >>> motion = jl.Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
         >>> motion.at(2.0)[:, 4, 4].tolist()
         [1.0, 1.0]
         """
@@ -225,7 +225,7 @@ class Motion(HasReadOnlyArrays):
         >>> nodes[0, 1] = 3
         >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
         >>> labels = np.zeros((16, 16), np.uint8)
-        >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
+        >>> motion = jl.Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
         >>> motion.seen_from(6).at(0)[:, 4, 4].tolist()
         [-3.0, -3.0]
         """
@@ -290,7 +290,7 @@ class Motion(HasReadOnlyArrays):
         >>> nodes = np.zeros((1, 2, 2, 1, 1), np.float32)
         >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
         >>> labels = np.zeros((16, 16), np.uint8)
-        >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 3.0, "affine", parts)
+        >>> motion = jl.Motion(nodes, labels, np.array([0.0, 6.0]), 3.0, "affine", parts)
         >>> motion.facts()["size"], motion.facts()["reference"]
         ('16 x 16 jots', 'frame 3')
         """

@@ -47,7 +47,7 @@ def log_information(intensity: npt.ArrayLike, sensor: Sensor, trials: npt.ArrayL
 
     Examples
     --------
-    >>> dim = Sensor(frames=100, gain=1.0)
+    >>> dim = jl.Sensor(frames=100, gain=1.0)
     >>> log_information([0.5, 1.0], dim, 100).round(3)  # about the numbers of photons
     array([0.499, 0.995])
     """
@@ -71,7 +71,7 @@ def has_few_photons(image: Image, sensor: Sensor, trials: float) -> bool:
     Examples
     --------
     >>> image = np.full((64, 64), 0.5, np.float32)
-    >>> has_few_photons(image, Sensor(), 1), has_few_photons(image, Sensor(frames=16), 16)
+    >>> has_few_photons(image, jl.Sensor(), 1), has_few_photons(image, jl.Sensor(frames=16), 16)
     (True, False)
     """
     efficiency, _ = reference_jot(sensor)
@@ -89,7 +89,7 @@ def sensor_of_squares(sensor: Sensor) -> Sensor:
 
     Examples
     --------
-    >>> sensor_of_squares(Sensor(frames=4)).trials
+    >>> sensor_of_squares(jl.Sensor(frames=4)).trials
     16
     """
     return sensor.replace(
@@ -136,7 +136,7 @@ def jots_of_squares(
     Examples
     --------
     >>> efficiency, dark_counts = np.array([[0.5, 0.75], [0.5, 0.75]]), 0.1
-    >>> jots_of_squares(Sensor(), np.ones((2, 2)), efficiency, dark_counts)
+    >>> jots_of_squares(jl.Sensor(), np.ones((2, 2)), efficiency, dark_counts)
     (array([[0.625]]), 0.1)
     """
     weights = np.maximum(trials, 1e-9)  # a square without trials has the mean of its pixels

@@ -29,7 +29,7 @@ class ColorNetwork(PlanesNetwork):
 
     Examples
     --------
-    >>> network = ColorNetwork.initial("small", rng=0)
+    >>> network = jl.ColorNetwork.initial("small", rng=0)
     >>> network.halo
     8
     """

@@ -62,8 +62,8 @@ def may_have_dark_regions(image: Image, sensor: Sensor) -> bool:
     Examples
     --------
     >>> image = np.full((4, 4), 0.1, np.float32)
-    >>> several = Sensor(frames=16, gain=16.0, threshold=3)
-    >>> may_have_dark_regions(image, several), may_have_dark_regions(image, Sensor(frames=16))
+    >>> several = jl.Sensor(frames=16, gain=16.0, threshold=3)
+    >>> may_have_dark_regions(image, several), may_have_dark_regions(image, jl.Sensor(frames=16))
     (True, False)
     """
     if sensor.threshold == 1:

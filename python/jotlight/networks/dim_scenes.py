@@ -87,7 +87,7 @@ def may_be_dim(image: Image, sensor: Sensor, trials: float) -> bool:
     Examples
     --------
     >>> image = np.full((4, 4), 0.5, np.float32)
-    >>> may_be_dim(image, Sensor(), 16), may_be_dim(image, Sensor(frames=64, gain=2.0), 64)
+    >>> may_be_dim(image, jl.Sensor(), 16), may_be_dim(image, jl.Sensor(frames=64, gain=2.0), 64)
     (False, True)
     """
     if trials < _MIN_FACTOR * _MIN_TRIALS:

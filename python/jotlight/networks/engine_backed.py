@@ -24,7 +24,7 @@ def sensor_model(sensor: Sensor) -> SensorModel:
 
     Examples
     --------
-    >>> trials, response, jot = sensor_model(Sensor(frames=16))
+    >>> trials, response, jot = sensor_model(jl.Sensor(frames=16))
     >>> trials, response
     (16, PixelResponse(threshold=1, light_per_intensity=1.0, max_intensity=1.0))
     >>> jot
@@ -89,8 +89,7 @@ class EngineBacked:
 
         Examples
         --------
-        >>> from jotlight import pretrained
-        >>> pretrained(Sensor(frames=16)).with_precision("bf16").precision
+        >>> jl.pretrained(jl.Sensor(frames=16)).with_precision("bf16").precision
         'bf16'
         """
         check_precision(precision)
@@ -158,9 +157,8 @@ class GrayNetwork(EngineBacked):
 
         Examples
         --------
-        >>> from jotlight import Network
-        >>> network = Network.conditional("small", rng=0)
-        >>> network.estimates_zeros(Sensor()), network.estimates_zeros(Sensor(gain=25.0))
+        >>> network = jl.Network.conditional("small", rng=0)
+        >>> network.estimates_zeros(jl.Sensor()), network.estimates_zeros(jl.Sensor(gain=25.0))
         (False, True)
         """
         return self.engine_network.estimates_zeros(sensor_model(sensor))

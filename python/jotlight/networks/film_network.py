@@ -30,7 +30,7 @@ class FilmNetwork(PlanesNetwork):
 
     Examples
     --------
-    >>> network = FilmNetwork.initial("small", rng=0)
+    >>> network = jl.FilmNetwork.initial("small", rng=0)
     >>> network.halo
     8
     """

@@ -18,7 +18,7 @@ def sources(layers: Sequence[Layer]) -> list[int]:
     --------
     >>> import numpy as np
     >>> tap = np.ones((1, 1, 1, 1), np.float32)
-    >>> sources([Layer(tap, None), Layer(tap, None), Layer(tap, None, input=0)])
+    >>> sources([jl.Layer(tap, None), jl.Layer(tap, None), jl.Layer(tap, None, input=0)])
     [-1, 0, 0]
     """
     return [
@@ -131,7 +131,8 @@ def flops_per_pixel(layers: Sequence[Layer]) -> float:
     --------
     >>> import numpy as np
     >>> tap, coefficients = np.ones((1, 1, 1, 1), np.float32), np.ones((1, 4), np.float32)
-    >>> flops_per_pixel([Layer(tap, coefficients), Layer(np.ones((1, 1, 3, 3)), None)])  # 2+10+18
+    >>> last = jl.Layer(np.ones((1, 1, 3, 3)), None)
+    >>> flops_per_pixel([jl.Layer(tap, coefficients), last])  # 2+10+18
     30.0
     """
     flops = Fraction(0)

@@ -68,7 +68,7 @@ class Layer:
 
     Examples
     --------
-    >>> mean = Layer(np.full((1, 1, 3, 3), 1 / 9), None)
+    >>> mean = jl.Layer(np.full((1, 1, 3, 3), 1 / 9), None)
     >>> mean.shape, mean.parameter_count
     ((1, 1, 3, 3), 9)
     """

@@ -94,7 +94,7 @@ def value_weights(values: Image, counted: PixelCounts, mosaic: Mosaic) -> npt.ND
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
-    >>> sensor = Sensor(frames=4, gain=32.0)
+    >>> sensor = jl.Sensor(frames=4, gain=32.0)
     >>> counted = count_pixels(np.full((2, 2), 4, np.int32), sensor, None)
     >>> weights = value_weights(np.full((2, 2), 0.5), counted, Mosaic("RGBW"))
     >>> weights.round(6).tolist()  # 4 photons, and 12 behind the clear filter
@@ -157,7 +157,7 @@ def find_unseen(counted: PixelCounts, mosaic: Mosaic) -> str | None:
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
-    >>> sensor = Sensor(frames=4, mask=np.array([[False, False], [False, True]]))
+    >>> sensor = jl.Sensor(frames=4, mask=np.array([[False, False], [False, True]]))
     >>> find_unseen(count_pixels(np.zeros((2, 2), np.int32), sensor, None), Mosaic("RGGB"))
     'B, whose first pixel is (1, 1)'
     """
@@ -184,7 +184,7 @@ def plane_sensors(sensor: Sensor) -> list[Sensor]:
 
     Examples
     --------
-    >>> plane_sensors(Sensor(frames=4, mosaic="RGBW"))[-1]
+    >>> plane_sensors(jl.Sensor(frames=4, mosaic="RGBW"))[-1]
     Sensor(frames=4, gain=12.0)
     """
     if sensor.mosaic is None:

@@ -65,9 +65,9 @@ class Network(GrayNetwork, TorchHints):
 
     Examples
     --------
-    >>> sensor = Sensor(oversampling=4)
+    >>> sensor = jl.Sensor(oversampling=4)
     >>> bits = sensor.expose(np.full((20, 30), 0.5), rng=0)
-    >>> Network.initial(sensor).reconstruct(bits).shape
+    >>> jl.Network.initial(sensor).reconstruct(bits).shape
     (20, 30)
     """
 
@@ -148,7 +148,7 @@ class Network(GrayNetwork, TorchHints):
 
         Examples
         --------
-        >>> Network.residual(Sensor(frames=16), rng=0).halo
+        >>> jl.Network.residual(jl.Sensor(frames=16), rng=0).halo
         8
         """
         layers = build_residual(find_architecture(architecture), sensor, random_generator(rng))
@@ -180,8 +180,8 @@ class Network(GrayNetwork, TorchHints):
 
         Examples
         --------
-        >>> network = Network.conditional("small", rng=0)
-        >>> network.reconstruct([[3, 1], [0, 9]], Sensor(frames=9)).shape
+        >>> network = jl.Network.conditional("small", rng=0)
+        >>> network.reconstruct([[3, 1], [0, 9]], jl.Sensor(frames=9)).shape
         (2, 2)
         """
         layers = build_conditional(architecture, random_generator(rng))

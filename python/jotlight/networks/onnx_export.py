@@ -77,10 +77,9 @@ def write_onnx(path: str | os.PathLike[str], network: GrayNetwork, sensor: Senso
     Examples
     --------
     >>> import tempfile
-    >>> from jotlight.networks.pretrained import pretrained
-    >>> sensor = Sensor(frames=16)
+    >>> sensor = jl.Sensor(frames=16)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_onnx(f"{folder}/medium.onnx", pretrained(sensor), sensor)
+    ...     write_onnx(f"{folder}/medium.onnx", jl.pretrained(sensor), sensor)
     """
     refuse_rotations(network.rotations, "ONNX models")
     own, trials_range = network.sensor, network.trials_range

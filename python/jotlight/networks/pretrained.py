@@ -103,9 +103,9 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Examples
     --------
     >>> import numpy as np
-    >>> sensor = Sensor(oversampling=2, frames=4)
+    >>> sensor = jl.Sensor(oversampling=2, frames=4)
     >>> bits = sensor.expose(np.full((8, 8), 0.5), rng=0)
-    >>> pretrained(sensor, "two-layer").reconstruct(bits).shape
+    >>> jl.pretrained(sensor, "two-layer").reconstruct(bits).shape
     (8, 8)
     """
     if not isinstance(sensor, Sensor):
@@ -133,7 +133,7 @@ def pretrained_file(
 
     Examples
     --------
-    >>> pretrained_file(Sensor(frames=16), "small").name
+    >>> pretrained_file(jl.Sensor(frames=16), "small").name
     'small-k16.safetensors'
     """
     if quality == EXTRA_LARGE:
@@ -148,7 +148,7 @@ def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
 
     Examples
     --------
-    >>> pretrained_conditional(Sensor(frames=16), "small").trials_range
+    >>> pretrained_conditional(jl.Sensor(frames=16), "small").trials_range
     (1, 256)
     """
     check_quality(quality)
@@ -200,7 +200,8 @@ def uses_conditional(sensor: Sensor, quality: str) -> bool:
 
     Examples
     --------
-    >>> uses_conditional(Sensor(frames=16), "small"), uses_conditional(Sensor(frames=20), "small")
+    >>> sensors = jl.Sensor(frames=16), jl.Sensor(frames=20)
+    >>> tuple(uses_conditional(sensor, "small") for sensor in sensors)
     (False, True)
     """
     if not sensor.has_plain_bits:

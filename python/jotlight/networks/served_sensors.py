@@ -77,7 +77,7 @@ def choose_sensor(
 
     Examples
     --------
-    >>> choose_sensor(None, Sensor(frames=16), None, tied=True)
+    >>> choose_sensor(None, jl.Sensor(frames=16), None, tied=True)
     Sensor(frames=16)
     """
     if sensor is None:

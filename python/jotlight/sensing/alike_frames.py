@@ -61,12 +61,11 @@ def exposure_cycle(sensor: GroupedSensor) -> int:
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> exposure_cycle(Sensor(frames=8, gain=[1.0, 4.0] * 4))
+    >>> exposure_cycle(jl.Sensor(frames=8, gain=[1.0, 4.0] * 4))
     2
-    >>> exposure_cycle(Sensor(frames=4, bit_depth=3, read_noise=0.2))
+    >>> exposure_cycle(jl.Sensor(frames=4, bit_depth=3, read_noise=0.2))
     1
-    >>> exposure_cycle(Sensor(frames=4, gain=[8.0, 8.0, 1.0, 1.0]))
+    >>> exposure_cycle(jl.Sensor(frames=4, gain=[8.0, 8.0, 1.0, 1.0]))
     Traceback (most recent call last):
       ...
     ValueError: sensor: expected exposures that repeat ... threshold, such as bits[:2] (--frame-r...
@@ -100,8 +99,7 @@ def repeat_exposures(sensor: S, frames: int) -> S:
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> repeat_exposures(Sensor(frames=4, gain=[1.0, 3.0] * 2), 6).gain.tolist()
+    >>> repeat_exposures(jl.Sensor(frames=4, gain=[1.0, 3.0] * 2), 6).gain.tolist()
     [1.0, 3.0, 1.0, 3.0, 1.0, 3.0]
     """
     if not readings_differ(sensor):
@@ -123,9 +121,8 @@ def require_alike_frames(sensor: GroupedSensor) -> None:
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> require_alike_frames(Sensor(frames=4, mosaic="RGGB"))
-    >>> require_alike_frames(Sensor(frames=4, gain=[8.0, 8.0, 1.0, 1.0]))
+    >>> require_alike_frames(jl.Sensor(frames=4, mosaic="RGGB"))
+    >>> require_alike_frames(jl.Sensor(frames=4, gain=[8.0, 8.0, 1.0, 1.0]))
     Traceback (most recent call last):
       ...
     ValueError: sensor: expected one gain ... threshold, such as bits[:2] (--frame-range 0:2)

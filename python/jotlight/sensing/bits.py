@@ -59,7 +59,7 @@ class Bits(FrameSequence):
 
     Examples
     --------
-    >>> bits = Bits(np.array([[[0b10100000]]], np.uint8), width=3)
+    >>> bits = jl.Bits(np.array([[[0b10100000]]], np.uint8), width=3)
     >>> bits.shape, bits.to_array().astype(int).tolist()
     ((1, 1, 3), [[[1, 0, 1]]])
     """
@@ -119,7 +119,7 @@ class Bits(FrameSequence):
 
         Examples
         --------
-        >>> Bits.from_array(np.eye(10, dtype=bool)).packed.shape
+        >>> jl.Bits.from_array(np.eye(10, dtype=bool)).packed.shape
         (1, 10, 2)
         """
         values = zeros_and_ones(array)
@@ -150,7 +150,7 @@ class Bits(FrameSequence):
 
         Examples
         --------
-        >>> bits = Bits.from_array([[[0, 1]], [[1, 1]], [[1, 0]]])
+        >>> bits = jl.Bits.from_array([[[0, 1]], [[1, 1]], [[1, 0]]])
         >>> bits[-1]
         array([[ True, False]])
         >>> bits[:2]
@@ -182,7 +182,7 @@ class Bits(FrameSequence):
 
         Examples
         --------
-        >>> bits = Bits.from_array([[[0, 1]], [[1, 1]]])
+        >>> bits = jl.Bits.from_array([[[0, 1]], [[1, 1]]])
         >>> bits.replace(packed=~bits.packed).to_array().astype(int).tolist()
         [[[1, 0]], [[0, 0]]]
         """
@@ -222,7 +222,7 @@ class Bits(FrameSequence):
 
         Examples
         --------
-        >>> bits = Bits.from_array(np.zeros((10, 4, 4), bool))
+        >>> bits = jl.Bits.from_array(np.zeros((10, 4, 4), bool))
         >>> [len(part) for part in bits.windows(4, 3)]
         [4, 4, 4]
         """
@@ -276,7 +276,7 @@ class Bits(FrameSequence):
 
         Examples
         --------
-        >>> Bits.from_array(np.ones((3, 4, 4), bool)).counts(2).tolist()
+        >>> jl.Bits.from_array(np.ones((3, 4, 4), bool)).counts(2).tolist()
         [[12, 12], [12, 12]]
         """
         if oversampling is None:
@@ -307,7 +307,7 @@ class Bits(FrameSequence):
 
         Examples
         --------
-        >>> bits = Bits.from_array(np.ones((100, 16, 16), bool))
+        >>> bits = jl.Bits.from_array(np.ones((100, 16, 16), bool))
         >>> bits.to_dask(chunks=40).chunks[0]
         (40, 40, 20)
         """

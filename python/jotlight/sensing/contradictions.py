@@ -41,7 +41,7 @@ def warn_about_contradictions(
 
     Examples
     --------
-    >>> bits = Sensor(frames=2, threshold=2).expose(np.ones((8, 8)), rng=0)
+    >>> bits = jl.Sensor(frames=2, threshold=2).expose(np.ones((8, 8)), rng=0)
     >>> warn_about_contradictions(bits, bits.sensor.replace(max_intensity=4.0, dark_counts=0.1))
     []
     """
@@ -86,10 +86,10 @@ def contradictions(stated: Sensor, sensor: Sensor, size: tuple[int, int]) -> lis
 
     Examples
     --------
-    >>> bracket = Sensor(frames=2, gain=[1.0, 8.0], mosaic="RGGB")
+    >>> bracket = jl.Sensor(frames=2, gain=[1.0, 8.0], mosaic="RGGB")
     >>> contradictions(bracket, bracket.replace(gain=[2.0, 16.0], max_intensity=4.0), (8, 8))
     []
-    >>> contradictions(bracket, Sensor(frames=2, threshold=2), (8, 8))
+    >>> contradictions(bracket, jl.Sensor(frames=2, threshold=2), (8, 8))
     ['threshold', 'gain', 'mosaic']
     """
     differ = {

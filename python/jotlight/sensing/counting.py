@@ -72,8 +72,7 @@ def count_ones(
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
-    >>> count_ones([Bits.from_array(np.ones((3, 4, 4), bool))], 2).tolist()
+    >>> count_ones([jl.Bits.from_array(np.ones((3, 4, 4), bool))], 2).tolist()
     [[[12, 12], [12, 12]]]
     """
     check_threads(threads)

@@ -74,8 +74,7 @@ class Exposure(Parameters):
 
         Examples
         --------
-        >>> from jotlight.sensing.sensor import Sensor
-        >>> Sensor(oversampling=2, gain=2.0, dark_counts=0.125).rate(np.full((1, 1), 0.5))
+        >>> jl.Sensor(oversampling=2, gain=2.0, dark_counts=0.125).rate(np.full((1, 1), 0.5))
         array([[0.375, 0.375],
                [0.375, 0.375]], dtype=float32)
         """
@@ -99,8 +98,7 @@ class Exposure(Parameters):
 
         Examples
         --------
-        >>> from jotlight.sensing.sensor import Sensor
-        >>> np.allclose(Sensor().probability(np.ones((1, 1))), 1 - np.exp(-1))
+        >>> np.allclose(jl.Sensor().probability(np.ones((1, 1))), 1 - np.exp(-1))
         True
         """
         if self.bit_depth > 1:
@@ -177,9 +175,8 @@ class Exposure(Parameters):
 
         Examples
         --------
-        >>> from jotlight.sensing.sensor import Sensor
         >>> image = np.linspace(0, 1, 16).reshape(4, 4)
-        >>> sensor = Sensor(oversampling=8, frames=2)
+        >>> sensor = jl.Sensor(oversampling=8, frames=2)
         >>> whole = sensor.expose(image, rng=1)
         >>> part = sensor.expose(image, rng=1, tile=(slice(1, 3), slice(2, 4)), frames=slice(1, 2))
         >>> bool((part.to_array() == whole.to_array()[1:2, 8:24, 16:32]).all())

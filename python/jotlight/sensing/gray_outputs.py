@@ -19,7 +19,7 @@ def output_of(images: GrayImages, sensor: Sensor, out: object) -> OutputImages:
     --------
     >>> from jotlight.sensing.pixel_counts import gray_images
     >>> images = gray_images(np.zeros((4, 6), np.int32))
-    >>> output_of(images, Sensor(frames=16), None).images.shape
+    >>> output_of(images, jl.Sensor(frames=16), None).images.shape
     (1, 4, 6)
     """
     inputs = [images.data] if isinstance(images.data, np.ndarray) else []

@@ -91,8 +91,8 @@ class JointLikelihood:
 
         Examples
         --------
-        >>> sensor = Sensor(frames=2, gain=[0.5, 1.5])
-        >>> bits = Bits.from_array([[[1]], [[0]]])
+        >>> sensor = jl.Sensor(frames=2, gain=[0.5, 1.5])
+        >>> bits = jl.Bits.from_array([[[1]], [[0]]])
         >>> gradient, curvature = joint_likelihood(bits, sensor, None).gradient_and_curvature(1.0)
         >>> gradient.round(4).tolist(), curvature.round(4).tolist()  # 0.5 / (exp(0.5) - 1) - 1.5
         ([[-0.7293]], [[0.9794]])

@@ -61,7 +61,7 @@ class Likelihood(HasReadOnlyArrays):
 
     Examples
     --------
-    >>> likelihood = Likelihood([3, 0], trials=4)
+    >>> likelihood = jl.Likelihood([3, 0], trials=4)
     >>> round(likelihood.value([1.0, 0.5]), 6)  # 3 log(1 - 1/e) - 1 - 4/2
     -4.376025
     >>> gradient, curvature = likelihood.gradient_and_curvature([1.0, 0.5])
@@ -124,7 +124,7 @@ class Likelihood(HasReadOnlyArrays):
 
         Examples
         --------
-        >>> Likelihood([[1, 0], [2, 2]], trials=4).values(0.1).round(3).tolist()
+        >>> jl.Likelihood([[1, 0], [2, 2]], trials=4).values(0.1).round(3).tolist()
         [-3.052, -9.809]
         """
         if not self.shape:
@@ -157,7 +157,7 @@ class Likelihood(HasReadOnlyArrays):
 
         Examples
         --------
-        >>> Likelihood([1], trials=16).information(1.0).round(4).tolist()  # 16 / (e - 1)
+        >>> jl.Likelihood([1], trials=16).information(1.0).round(4).tolist()  # 16 / (e - 1)
         [9.3116]
         """
         flat = self._light(light).reshape(-1)
@@ -194,7 +194,7 @@ class Likelihood(HasReadOnlyArrays):
 
         Examples
         --------
-        >>> Likelihood([2], trials=4).proximal([0.5], 1e9, max_light=2.0).round(6).tolist()
+        >>> jl.Likelihood([2], trials=4).proximal([0.5], 1e9, max_light=2.0).round(6).tolist()
         [0.5]
         """
         if not 0 < penalty < np.inf or not 0 < max_light < np.inf:

@@ -90,9 +90,8 @@ class Merged(HasReadOnlyArrays):
 
     Examples
     --------
-    >>> from jotlight.estimators.mle import mle
-    >>> merged = Merged([[3, 1]], [[4.0, 2.0]], Sensor(frames=4, max_intensity=9.0))
-    >>> mle(merged).round(3).tolist()  # -log(1 - 3/4) and -log(1 - 1/2)
+    >>> merged = jl.Merged([[3, 1]], [[4.0, 2.0]], jl.Sensor(frames=4, max_intensity=9.0))
+    >>> jl.mle(merged).round(3).tolist()  # -log(1 - 3/4) and -log(1 - 1/2)
     [[1.38600003..., 0.69300001...]]
     """
 
@@ -243,7 +242,7 @@ def check_sensor_of_merged(data: Iterable[object], sensor: Sensor) -> None:
 
     Examples
     --------
-    >>> merged = Merged([[3, 1]], 4.0, Sensor(frames=4))
+    >>> merged = jl.Merged([[3, 1]], 4.0, jl.Sensor(frames=4))
     >>> check_sensor_of_merged([merged], merged.sensor.replace(max_intensity=2.0))
     >>> check_sensor_of_merged([merged], merged.sensor.replace(mask=[[True, False]]))
     Traceback (most recent call last):

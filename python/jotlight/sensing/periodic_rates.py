@@ -195,9 +195,9 @@ def find_periodic_rates(
     --------
     >>> colors = np.tile([[0.2, 0.3], [0.3, 0.1]], (64, 64))
     >>> noise = np.random.default_rng(0).random((20, 128, 128))
-    >>> find_periodic_rates(Bits.from_array(noise < colors)).period
+    >>> find_periodic_rates(jl.Bits.from_array(noise < colors)).period
     2
-    >>> find_periodic_rates(Bits.from_array(noise < 0.2)) is None
+    >>> find_periodic_rates(jl.Bits.from_array(noise < 0.2)) is None
     True
     """
     check_progress(progress)

@@ -211,7 +211,7 @@ def prepare_data(
 
     Examples
     --------
-    >>> data, _ = prepare_data(np.array([[3, 1]]), Sensor(frames=4), trials=[[4, 2.5]])
+    >>> data, _ = prepare_data(np.array([[3, 1]]), jl.Sensor(frames=4), trials=[[4, 2.5]])
     >>> data.trials.tolist()
     [[4.0, 2.5]]
     """

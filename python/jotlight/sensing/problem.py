@@ -45,12 +45,11 @@ class Problem:
     --------
     A signal on a line of jots, 6 per pixel, with a cubic kernel:
 
-    >>> from jotlight import mle_iterative, operators
-    >>> light = operators.spread((20,), oversampling=6, kernel="cubic", gain=6.0)
+    >>> light = jl.operators.spread((20,), oversampling=6, kernel="cubic", gain=6.0)
     >>> ramp = np.linspace(0.2, 0.8, 20)
     >>> probability = -np.expm1(-light.forward(ramp))
     >>> ones = np.random.default_rng(0).binomial(100, probability)
-    >>> estimate = mle_iterative(Problem(light, Likelihood(ones, trials=100)))
+    >>> estimate = jl.mle_iterative(jl.Problem(light, jl.Likelihood(ones, trials=100)))
     >>> estimate.shape, bool(abs(estimate - ramp).max() < 0.3)
     ((20,), True)
     """
@@ -138,9 +137,8 @@ class Problem:
 
         Examples
         --------
-        >>> from jotlight import Likelihood, operators
-        >>> operator = operators.scaling((2, 2), 1.0)
-        >>> dim = Problem(operator, Likelihood(np.full((2, 2), 10), trials=10**6), 1.0)
+        >>> operator = jl.operators.scaling((2, 2), 1.0)
+        >>> dim = jl.Problem(operator, jl.Likelihood(np.full((2, 2), 10), trials=10**6), 1.0)
         >>> dim.intensity_scales().round(6).tolist()
         [0.0001]
         """

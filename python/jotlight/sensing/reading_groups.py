@@ -147,8 +147,7 @@ def require_plain_bits(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> No
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> require_plain_bits(Sensor(frames=2, bit_depth=4))
+    >>> require_plain_bits(jl.Sensor(frames=2, bit_depth=4))
     Traceback (most recent call last):
       ...
     ValueError: sensor: expected single bits without noise, got readings of 4 bits; pass ...
@@ -167,8 +166,7 @@ def without_mosaic(sensor: S) -> S:
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> without_mosaic(Sensor(frames=4, gain=2.0, mosaic="RGGB"))
+    >>> without_mosaic(jl.Sensor(frames=4, gain=2.0, mosaic="RGGB"))
     Sensor(frames=4, gain=2.0)
     """
     return sensor.replace(mosaic=None, gain=sensor.gain)
@@ -179,8 +177,7 @@ def refuse_mosaic(sensor: GroupedSensor) -> None:
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> refuse_mosaic(Sensor(mosaic="RGGB"))
+    >>> refuse_mosaic(jl.Sensor(mosaic="RGGB"))
     Traceback (most recent call last):
       ...
     ValueError: sensor: expected a gray sensor, got one with the mosaic Mosaic('RGGB'); ...
@@ -198,8 +195,7 @@ def refuse_different_readings(sensor: GroupedSensor, advice: str = COUNTS_ADVICE
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> refuse_different_readings(Sensor(frames=2, gain=[1.0, 8.0]))
+    >>> refuse_different_readings(jl.Sensor(frames=2, gain=[1.0, 8.0]))
     Traceback (most recent call last):
       ...
     ValueError: sensor: expected one gain and one threshold for all readings, got ...

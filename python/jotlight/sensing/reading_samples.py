@@ -53,7 +53,8 @@ def sample_readings(
 
     Examples
     --------
-    >>> readings = Readings([[[0, 1]], [[3, 1]]], Sensor(frames=2, bit_depth=2, oversampling=1))
+    >>> sensor = jl.Sensor(frames=2, bit_depth=2, oversampling=1)
+    >>> readings = jl.Readings([[[0, 1]], [[3, 1]]], sensor)
     >>> sample_readings(readings, readings.sensor.groups(), 1)[0].values.tolist()
     [[[0, 3], [1, 1]]]
     """

@@ -47,8 +47,7 @@ class Readings(FrameSequence):
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> readings = Readings([[[0, 3]], [[1, 2]]], Sensor(frames=2, bit_depth=2))
+    >>> readings = jl.Readings([[[0, 3]], [[1, 2]]], jl.Sensor(frames=2, bit_depth=2))
     >>> readings
     <Readings: 2 frames of 1 x 2 jots, 2 bits each, Sensor(frames=2, bit_depth=2)>
     >>> readings.sum().tolist()
@@ -142,8 +141,7 @@ class Readings(FrameSequence):
 
         Examples
         --------
-        >>> from jotlight.sensing.sensor import Sensor
-        >>> readings = Readings(np.ones((10, 4, 4), int), Sensor(frames=10, bit_depth=3))
+        >>> readings = jl.Readings(np.ones((10, 4, 4), int), jl.Sensor(frames=10, bit_depth=3))
         >>> [len(part) for part in readings.windows(4, 3)]
         [4, 4, 4]
         """
@@ -163,8 +161,7 @@ class Readings(FrameSequence):
 
         Examples
         --------
-        >>> from jotlight.sensing.sensor import Sensor
-        >>> readings = Readings([[[0, 3]], [[1, 2]]], Sensor(frames=2, bit_depth=2))
+        >>> readings = jl.Readings([[[0, 3]], [[1, 2]]], jl.Sensor(frames=2, bit_depth=2))
         >>> readings.read(1, 2).tolist()
         [[[1, 2]]]
         """
@@ -178,8 +175,7 @@ class Readings(FrameSequence):
 
         Examples
         --------
-        >>> from jotlight.sensing.sensor import Sensor
-        >>> sensor = Sensor(frames=3, gain=6.0, bit_depth=4)
+        >>> sensor = jl.Sensor(frames=3, gain=6.0, bit_depth=4)
         >>> sensor.expose(np.full((5, 13), 0.5), rng=0).to_array().shape
         (3, 5, 13)
         """

@@ -29,7 +29,7 @@ def reference_jot(sensor: Sensor) -> Jot:
 
     Examples
     --------
-    >>> reference_jot(Sensor(efficiency=np.array([[0.5, 0.5, 1.0]]), dark_counts=0.1))
+    >>> reference_jot(jl.Sensor(efficiency=np.array([[0.5, 0.5, 1.0]]), dark_counts=0.1))
     Jot(efficiency=0.5, dark_counts=0.1)
     """
     medians = [
@@ -52,7 +52,7 @@ def sensor_of_median_jot(sensor: Sensor) -> Sensor:
 
     Examples
     --------
-    >>> sensor = Sensor(frames=4, efficiency=np.array([[0.25, 0.5, 1.0]]), dark_counts=0.1)
+    >>> sensor = jl.Sensor(frames=4, efficiency=np.array([[0.25, 0.5, 1.0]]), dark_counts=0.1)
     >>> sensor_of_median_jot(sensor)
     Sensor(frames=4, gain=2.0, dark_counts=0.1)
     """
@@ -87,7 +87,7 @@ def reading_information(sensor: Sensor, light: npt.ArrayLike) -> Array:
 
     Examples
     --------
-    >>> several = Sensor(bit_depth=4)
+    >>> several = jl.Sensor(bit_depth=4)
     >>> reading_information(several, [1.0]).round(4)  # nearly that of a Poisson count, 1 / light
     array([1.])
     """
@@ -116,7 +116,7 @@ def saturation_intensity(sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> round(saturation_intensity(Sensor(frames=16)), 4)  # log(2 * 16)
+    >>> round(saturation_intensity(jl.Sensor(frames=16)), 4)  # log(2 * 16)
     3.4657
 
     Where the readings differ in their gain or threshold, it is that of the least sensitive ones.
@@ -145,7 +145,7 @@ def saturation_rate(sensor: Sensor, trials: int) -> float:
 
     Examples
     --------
-    >>> round(saturation_rate(Sensor(), 16), 4)  # log(2 * 16)
+    >>> round(saturation_rate(jl.Sensor(), 16), 4)  # log(2 * 16)
     3.4657
     """
     half = 0.5 / trials
@@ -169,7 +169,7 @@ def response_of(sensor: Sensor) -> Callable[[Array], Array]:
 
     Examples
     --------
-    >>> response_of(Sensor(dark_counts=0.1))(np.array([0.0, 1.0])).round(4).tolist()
+    >>> response_of(jl.Sensor(dark_counts=0.1))(np.array([0.0, 1.0])).round(4).tolist()
     [0.0952, 0.6671]
     """
     efficiency, dark_counts = reference_jot(sensor)

@@ -264,8 +264,8 @@ def warn_about_frames(images: Counts, sensor: Sensor) -> None:
 
     Examples
     --------
-    >>> frames = Sensor(frames=16).expose(np.full((8, 8), 0.5), rng=0).to_array().astype(int)
-    >>> warn_about_frames(frames.sum(0)[None], Sensor(frames=16))  # no warning
+    >>> frames = jl.Sensor(frames=16).expose(np.full((8, 8), 0.5), rng=0).to_array().astype(int)
+    >>> warn_about_frames(frames.sum(0)[None], jl.Sensor(frames=16))  # no warning
     """
     number, _, width = images.shape
     if not (number > 1 and sensor.frames > 1 and images.max() == 1):
@@ -290,7 +290,7 @@ def range_error(values: npt.NDArray[Any], sensor: Sensor) -> ValueError:
 
     Examples
     --------
-    >>> range_error(np.array([0.5, 3]), Sensor(frames=2))
+    >>> range_error(np.array([0.5, 3]), jl.Sensor(frames=2))
     ValueError('counts: expected 0 to K = 2 ones per pixel (2 frames of 1 x 1 jots), got 0.5 to 3')
     """
     whole = bool(np.isfinite(values).all() and (values == np.rint(values)).all())

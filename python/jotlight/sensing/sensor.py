@@ -108,7 +108,7 @@ class Sensor(Exposure, HasReadOnlyArrays):
 
     Examples
     --------
-    >>> sensor = Sensor(oversampling=4, threshold=2)
+    >>> sensor = jl.Sensor(oversampling=4, threshold=2)
     >>> sensor.trials, sensor.gain
     (16, 16.0)
     >>> round(float(sensor.probability(np.ones((1, 1)))[0, 0]), 4)  # two photons or more at s = 1
@@ -202,7 +202,7 @@ class Sensor(Exposure, HasReadOnlyArrays):
 
         Examples
         --------
-        >>> groups = Sensor(frames=3, gain=[1.0, 8.0, 1.0]).groups()
+        >>> groups = jl.Sensor(frames=3, gain=[1.0, 8.0, 1.0]).groups()
         >>> [(group.frames.tolist(), group.sensor) for group in groups]
         [([0, 2], Sensor(frames=2)), ([1], Sensor(gain=8.0))]
         """
@@ -213,7 +213,7 @@ class Sensor(Exposure, HasReadOnlyArrays):
 
         Examples
         --------
-        >>> Sensor(frames=4, gain=[1.0, 8.0, 1.0, 8.0]).select_frames(slice(None, None, 2))
+        >>> jl.Sensor(frames=4, gain=[1.0, 8.0, 1.0, 8.0]).select_frames(slice(None, None, 2))
         Sensor(frames=2)
         """
         return reading_groups.select_frames(self, frames)
@@ -226,7 +226,7 @@ class Sensor(Exposure, HasReadOnlyArrays):
 
         Examples
         --------
-        >>> Sensor(oversampling=2, gain=2.0).replace(frames=3).gain
+        >>> jl.Sensor(oversampling=2, gain=2.0).replace(frames=3).gain
         6.0
         """
         changes = reading_groups.replaced_gain(self, changes)
@@ -250,7 +250,7 @@ class Sensor(Exposure, HasReadOnlyArrays):
         Examples
         --------
         >>> from jotlight.sensing.mosaic import Mosaic
-        >>> Sensor(mosaic=Mosaic("RGGB", white_balance=[1.2, 1, 1.5])).without_white_balance()
+        >>> jl.Sensor(mosaic=Mosaic("RGGB", white_balance=[1.2, 1, 1.5])).without_white_balance()
         Sensor(mosaic=Mosaic('RGGB'))
         """
         if self.mosaic is None:
@@ -316,7 +316,7 @@ def require_trainable(sensor: Sensor) -> None:
 
     Examples
     --------
-    >>> require_trainable(Sensor(frames=4, bit_depth=4))
+    >>> require_trainable(jl.Sensor(frames=4, bit_depth=4))
     Traceback (most recent call last):
       ...
     ValueError: sensor: expected a gray sensor with bits ..., got Sensor(frames=4, bit_depth=4); ...

@@ -19,7 +19,7 @@ def merge_counts(counts: npt.NDArray[np.int32], trials: Any, sensor: Sensor) -> 
 
     Examples
     --------
-    >>> sensor = Sensor(frames=4, mask=[[True, False]])
+    >>> sensor = jl.Sensor(frames=4, mask=[[True, False]])
     >>> merge_counts(np.array([[0, 3]], np.int32), 4, sensor).trials.tolist()
     [[0.0, 4.0]]
     """
@@ -40,7 +40,7 @@ def with_trials(sensor: Sensor, trials: float | npt.NDArray[np.float64]) -> Sens
 
     Examples
     --------
-    >>> with_trials(Sensor(frames=16, read_noise=0.3), 4)
+    >>> with_trials(jl.Sensor(frames=16, read_noise=0.3), 4)
     Sensor(frames=4, read_noise=0.3)
     """
     if frames_differ(sensor):

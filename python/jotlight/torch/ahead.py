@@ -22,10 +22,9 @@ class AheadLoader:
 
     Examples
     --------
-    >>> from jotlight import Network, Sensor
     >>> from jotlight.training import SyntheticPatches
-    >>> network = Network.conditional("small", rng=0)
-    >>> loader = PatchLoader(SyntheticPatches(), network, Sensor(), 0, batch_size=2, side=32)
+    >>> network = jl.Network.conditional("small", rng=0)
+    >>> loader = PatchLoader(SyntheticPatches(), network, jl.Sensor(), 0, batch_size=2, side=32)
     >>> with AheadLoader(loader, slice(None), last=9) as ahead:
     ...     ahead.batch(step=0, threads=1).data.shape
     torch.Size([2, 1, 32, 32])

@@ -46,7 +46,7 @@ def check_kernel(sensor: Sensor) -> None:
 
     Examples
     --------
-    >>> check_kernel(Sensor(frames=8))
+    >>> check_kernel(jl.Sensor(frames=8))
     """
     if sensor.kernel != "box":
         raise ValueError(
@@ -116,10 +116,10 @@ class BitSplitter:
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
-    >>> sensor = Sensor(frames=8)
+    >>> sensor = jl.Sensor(frames=8)
     >>> channels = [count_pixels(np.full((32, 32), 4), sensor, None)]
     >>> rng = np.random.default_rng(0)
-    >>> splitter = BitSplitter(Network.conditional("small", rng=0), sensor, channels, rng)
+    >>> splitter = BitSplitter(jl.Network.conditional("small", rng=0), sensor, channels, rng)
     >>> splitter.draw(rng, number=3, side=16).counts.shape
     torch.Size([3, 1, 16, 16])
     """

@@ -25,11 +25,10 @@ class ColorPatchLoader(PatchLoader):
 
     Examples
     --------
-    >>> from jotlight.networks.color_network import ColorNetwork
     >>> from jotlight.training.color_patches import ColorPatches
-    >>> network = ColorNetwork.initial("small", rng=0)
+    >>> network = jl.ColorNetwork.initial("small", rng=0)
     >>> source = ColorPatches([np.full((64, 64, 3), 99, np.uint8)])
-    >>> loader = ColorPatchLoader(source, network, Sensor(), seed=0, batch_size=2, side=32)
+    >>> loader = ColorPatchLoader(source, network, jl.Sensor(), seed=0, batch_size=2, side=32)
     >>> batch = loader.batch(step=0, shard=slice(None), threads=1)
     >>> batch.data.shape, batch.truth.shape
     (torch.Size([2, 11, 32, 32]), torch.Size([2, 3, 32, 32]))

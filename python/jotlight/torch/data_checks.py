@@ -77,7 +77,7 @@ def check_data(data: Tensor, sensor: Sensor, side: int, *, is_bits: bool) -> Non
 
     Examples
     --------
-    >>> check_data(torch.zeros(5, 6), Sensor(), 1, is_bits=False)
+    >>> check_data(torch.zeros(5, 6), jl.Sensor(), 1, is_bits=False)
     Traceback (most recent call last):
     ...
     ValueError: data: expected counts (N, 1, H, W) ... got shape (5, 6); ... data[None, None]
@@ -166,7 +166,7 @@ def check_values(data: Tensor, sensor: Sensor, *, is_bits: bool) -> None:
 
     Examples
     --------
-    >>> sensor = Sensor(frames=8)
+    >>> sensor = jl.Sensor(frames=8)
     >>> check_values(torch.tensor([[0.0, 7.5]]), sensor, is_bits=False)
     >>> check_values(torch.tensor([[0.0, 9.0]]), sensor, is_bits=False)
     Traceback (most recent call last):

@@ -54,7 +54,7 @@ class SensorPhysics(Physics):  # type: ignore[misc, unused-ignore]
 
     Examples
     --------
-    >>> physics = SensorPhysics(Sensor(oversampling=4))
+    >>> physics = SensorPhysics(jl.Sensor(oversampling=4))
     >>> counts = physics(torch.full((1, 1, 20, 30), 0.5))
     >>> physics.A_dagger(counts).shape
     torch.Size([1, 1, 20, 30])
@@ -120,7 +120,7 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
 
     Examples
     --------
-    >>> physics, fidelity = SensorPhysics(Sensor(frames=16)), BitLikelihood()
+    >>> physics, fidelity = SensorPhysics(jl.Sensor(frames=16)), BitLikelihood()
     >>> counts = torch.tensor([[[[4.0, 12.0]]]])
     >>> round(fidelity(torch.full((1, 1, 1, 2), 0.5), counts, physics).item(), 3)
     22.924
@@ -228,8 +228,8 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
 
     Examples
     --------
-    >>> sensor = Sensor(oversampling=4)
-    >>> model = NetworkReconstructor(Network.initial(sensor))
+    >>> sensor = jl.Sensor(oversampling=4)
+    >>> model = NetworkReconstructor(jl.Network.initial(sensor))
     >>> physics = SensorPhysics(sensor)
     >>> model(physics(torch.full((1, 1, 20, 30), 0.5)), physics).shape
     torch.Size([1, 1, 20, 30])
@@ -280,7 +280,7 @@ class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]
 
     Examples
     --------
-    >>> denoiser = NetworkDenoiser(Network.conditional("small", rng=0))
+    >>> denoiser = NetworkDenoiser(jl.Network.conditional("small", rng=0))
     >>> denoiser(torch.rand(2, 1, 20, 30), 0.1).shape
     torch.Size([2, 1, 20, 30])
     """

@@ -34,7 +34,7 @@ def is_bright(sensor: Sensor) -> bool:
 
     Examples
     --------
-    >>> is_bright(Sensor()), is_bright(Sensor(gain=25.0))
+    >>> is_bright(jl.Sensor()), is_bright(jl.Sensor(gain=25.0))
     (False, True)
     """
     efficiency, dark_counts = reference_jot(sensor)
@@ -57,7 +57,7 @@ def intensity_from_probability(probability: Tensor, sensor: Sensor) -> Tensor:
 
     Examples
     --------
-    >>> intensity_from_probability(torch.tensor([0.0, 0.5, 1.0]), Sensor()).numpy().round(4)
+    >>> intensity_from_probability(torch.tensor([0.0, 0.5, 1.0]), jl.Sensor()).numpy().round(4)
     array([0.    , 0.6931, 1.    ], dtype=float32)
     """
     efficiency, dark_counts = reference_jot(sensor)
@@ -111,7 +111,7 @@ def equivalent_counts(counts: Tensor, sensor: Sensor, dark_counts: float) -> Ten
     Examples
     --------
     >>> counts = torch.tensor([0.0, 4.0, 8.0])
-    >>> equivalent_counts(counts, Sensor(frames=8, dark_counts=0.1), 0.0).numpy().round(3)
+    >>> equivalent_counts(counts, jl.Sensor(frames=8, dark_counts=0.1), 0.0).numpy().round(3)
     array([0.   , 3.579, 8.   ], dtype=float32)
     """
     # Below 1, so that the rate and its derivative are finite.

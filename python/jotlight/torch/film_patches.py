@@ -31,12 +31,10 @@ class FilmPatchLoader(PatchLoader):
 
     Examples
     --------
-    >>> from jotlight.networks.film_network import FilmNetwork
-    >>> from jotlight.sensing.sensor import Sensor
     >>> from jotlight.training.film_patches import FilmExample
     >>> source = FilmPatches([FilmExample(np.zeros((14, 8, 8)), np.zeros((8, 8)), 64.0, 0.4)])
-    >>> network = FilmNetwork.initial("small", rng=0)
-    >>> loader = FilmPatchLoader(source, network, Sensor(), seed=0, batch_size=2, side=8)
+    >>> network = jl.FilmNetwork.initial("small", rng=0)
+    >>> loader = FilmPatchLoader(source, network, jl.Sensor(), seed=0, batch_size=2, side=8)
     >>> batch = loader.batch(step=0, shard=slice(None), threads=1)
     >>> batch.data.shape, batch.truth.shape, batch.trials
     (torch.Size([2, 14, 8, 8]), torch.Size([2, 1, 8, 8]), 64)

@@ -38,7 +38,8 @@ def layer_specs(layers: Sequence[Layer]) -> list[LayerSpec]:
     --------
     >>> import numpy as np
     >>> tap = np.ones((1, 1, 1, 1), np.float32)
-    >>> specs = layer_specs([Layer(tap, None), Layer(np.ones((1, 1, 3, 5), np.float32), None)])
+    >>> wide = jl.Layer(np.ones((1, 1, 3, 5), np.float32), None)
+    >>> specs = layer_specs([jl.Layer(tap, None), wide])
     >>> specs[1].input, specs[1].row_padding, specs[1].column_padding
     (0, (1, 1), (2, 2))
     """
@@ -60,7 +61,7 @@ def knots_of(specs: Sequence[LayerSpec]) -> Tensor:
     --------
     >>> import numpy as np
     >>> tap = np.ones((1, 1, 1, 1), np.float32)
-    >>> knots_of(layer_specs([Layer(tap, None)])).shape
+    >>> knots_of(layer_specs([jl.Layer(tap, None)])).shape
     torch.Size([1, 2])
     """
     return torch.tensor(

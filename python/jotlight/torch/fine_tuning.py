@@ -135,9 +135,9 @@ def fine_tune(
 
     Examples
     --------
-    >>> sensor = Sensor(frames=8)
+    >>> sensor = jl.Sensor(frames=8)
     >>> bits = sensor.expose(np.full((24, 24), 0.4), rng=0)
-    >>> start = Network.conditional("small", rng=0)
+    >>> start = jl.Network.conditional("small", rng=0)
     >>> tuned, history = fine_tune(start, bits, steps=10, batch=4, rng=0)
     >>> bool(history.held_out[-1] < history.held_out[0])
     True

@@ -59,7 +59,7 @@ class Network(nn.Module):
     --------
     >>> import jotlight as jl
     >>> sensor = jl.Sensor(oversampling=4)
-    >>> network = Network(jl.pretrained(sensor))
+    >>> network = jl.torch.Network(jl.pretrained(sensor))
     >>> network(torch.full((1, 1, 20, 30), 8.0)).shape
     torch.Size([1, 1, 20, 30])
     """

@@ -146,8 +146,8 @@ class PatchLoader:
     Examples
     --------
     >>> from jotlight.training.patch_sources import ImagePatches
-    >>> sensor = Sensor(oversampling=4)
-    >>> network = Network.residual(sensor, "small", rng=0)
+    >>> sensor = jl.Sensor(oversampling=4)
+    >>> network = jl.Network.residual(sensor, "small", rng=0)
     >>> source = ImagePatches(np.full((2, 64, 64), 0.5, np.float32))
     >>> loader = PatchLoader(source, network, sensor, seed=0, batch_size=16, side=48)
     >>> loader.batch(step=0, shard=slice(None), threads=1).data.shape

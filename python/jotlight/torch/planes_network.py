@@ -25,8 +25,7 @@ class PlanesNetwork(Network):
     Examples
     --------
     >>> import torch
-    >>> from jotlight.networks.color_network import ColorNetwork
-    >>> network = PlanesNetwork(ColorNetwork.initial("small", rng=0))
+    >>> network = PlanesNetwork(jl.ColorNetwork.initial("small", rng=0))
     >>> network(torch.zeros(1, 11, 8, 8), trials=16).shape
     torch.Size([1, 3, 8, 8])
     """

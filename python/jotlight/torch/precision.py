@@ -57,7 +57,7 @@ def fastest_precision(
 
     Examples
     --------
-    >>> network = Network.conditional("small", rng=0)
+    >>> network = jl.Network.conditional("small", rng=0)
     >>> fastest_precision(network, batch=2, patch=16) in PRECISIONS
     True
     """

@@ -50,7 +50,7 @@ class Sensing(nn.Module):
 
     Examples
     --------
-    >>> sensing = Sensing(Sensor(oversampling=4), gradient="expectation")
+    >>> sensing = Sensing(jl.Sensor(oversampling=4), gradient="expectation")
     >>> intensity = torch.ones(1, 1, 1, 1, requires_grad=True)
     >>> counts = sensing(intensity)
     >>> counts.sum().backward()
@@ -182,7 +182,7 @@ class Sensing(nn.Module):
 
         Examples
         --------
-        >>> cubic = Sensing(Sensor(oversampling=4, kernel="cubic"))
+        >>> cubic = Sensing(jl.Sensor(oversampling=4, kernel="cubic"))
         >>> cubic.check_data(torch.ones(1, 1, 2, 2), torch.ones(1, 1, 2, 2))
         Traceback (most recent call last):
         ...

@@ -175,9 +175,9 @@ def train(
 
     Examples
     --------
-    >>> from jotlight import datasets
-    >>> start = Network.residual(Sensor(oversampling=4), "small", rng=0)
-    >>> trained, history = train(start, datasets.uniform_scenes, steps=3, patch=32, rng=0)
+    >>> start = jl.Network.residual(jl.Sensor(oversampling=4), "small", rng=0)
+    >>> scenes = jl.datasets.uniform_scenes
+    >>> trained, history = jl.torch.train(start, scenes, steps=3, patch=32, rng=0)
     >>> len(history)
     4
     """

@@ -59,9 +59,8 @@ class SafeSet:
 
     Examples
     --------
-    >>> from jotlight import Sensor
     >>> from jotlight.training import parameter_vector
-    >>> network = Network.initial(Sensor(oversampling=4))
+    >>> network = jl.Network.initial(jl.Sensor(oversampling=4))
     >>> vector = parameter_vector(network)
     >>> safe = SafeSet().project(network, vector)
     >>> np.abs(safe - vector).max() < 1e-6  # the network starts inside the set

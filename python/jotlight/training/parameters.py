@@ -18,8 +18,8 @@ def parameter_vector(network: Network) -> Vector:
 
     Examples
     --------
-    >>> from jotlight import Sensor
-    >>> parameter_vector(Network.initial(Sensor(oversampling=4))).shape  # 1 + 150 + 15 * 15 + 150
+    >>> network = jl.Network.initial(jl.Sensor(oversampling=4))
+    >>> parameter_vector(network).shape  # 1 + 150 + 15 * 15 + 150
     (526,)
     """
     arrays = [

@@ -147,7 +147,7 @@ def trained_sensor(network: Network | PlanesNetwork, sensor: Sensor | None) -> S
     Examples
     --------
     >>> import jotlight as jl
-    >>> trained_sensor(jl.pretrained(Sensor(frames=16)), None)
+    >>> trained_sensor(jl.pretrained(jl.Sensor(frames=16)), None)
     Sensor(frames=16)
     """
     default = network.default_sensor if isinstance(network, Network) else None
@@ -159,7 +159,7 @@ def patch_sensor(sensor: Sensor) -> Sensor:
 
     Examples
     --------
-    >>> patch_sensor(Sensor(dark_counts=np.array([[0.25, 0.5], [0.25, 0.0]]))).dark_counts
+    >>> patch_sensor(jl.Sensor(dark_counts=np.array([[0.25, 0.5], [0.25, 0.0]]))).dark_counts
     0.25
     """
     efficiency, dark_counts = reference_jot(sensor)

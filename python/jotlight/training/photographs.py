@@ -193,9 +193,8 @@ def read_photographs(
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from jotlight import save_image
     >>> path = Path(tempfile.mkdtemp()) / "photograph.png"
-    >>> save_image(path, np.array([[0.0, 1.0]]))
+    >>> jl.save_image(path, np.array([[0.0, 1.0]]))
     >>> read_photographs([path])
     [array([[  0, 255]], dtype=uint8)]
     """

@@ -128,10 +128,9 @@ def train(
 
     Examples
     --------
-    >>> from jotlight import Sensor, datasets
-    >>> sensor = Sensor(oversampling=3)
-    >>> start = Network.initial(sensor)
-    >>> trained, history = train(start, datasets.uniform_scenes, steps=3, batch=16, rng=0)
+    >>> sensor = jl.Sensor(oversampling=3)
+    >>> start = jl.Network.initial(sensor)
+    >>> trained, history = jl.train(start, jl.datasets.uniform_scenes, steps=3, batch=16, rng=0)
     >>> bool(history.loss[-1] < history.loss[0])
     True
     """

@@ -33,7 +33,7 @@ def counted_by(sensor: Sensor) -> Counted:
 
     Examples
     --------
-    >>> counted_by(Sensor(frames=4)).name, counted_by(Sensor(frames=4, bit_depth=2)).name
+    >>> counted_by(jl.Sensor(frames=4)).name, counted_by(jl.Sensor(frames=4, bit_depth=2)).name
     ('ones', 'sum of readings')
     """
     if sensor.bit_depth == 1:

@@ -60,11 +60,10 @@ def display(made: Estimate, state: ViewState, white: float) -> Displayed:
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
     >>> counts = np.array([[0, 1, 2, 4]], np.int32)
     >>> image = (counts / 4).astype(np.float32)
     >>> made = Estimate(
-    ...     image=image, counts=counts, trials=4, sensor=Sensor(frames=4),
+    ...     image=image, counts=counts, trials=4, sensor=jl.Sensor(frames=4),
     ...     method="mle", title="", seconds=0.0, data=counts,
     ... )
     >>> display(made, ViewState(curve="linear"), 1.0).levels.tolist()

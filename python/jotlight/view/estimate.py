@@ -128,9 +128,9 @@ def fraction_at(intensity: float, sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> round(fraction_at(1.0, Sensor(frames=16)), 4)
+    >>> round(fraction_at(1.0, jl.Sensor(frames=16)), 4)
     0.6321
-    >>> round(fraction_at(1.0, Sensor(frames=16, bit_depth=4)), 4)  # 1 of at most 15 photons
+    >>> round(fraction_at(1.0, jl.Sensor(frames=16, bit_depth=4)), 4)  # 1 of at most 15 photons
     0.0667
     """
     plain = sensor.without_maps()

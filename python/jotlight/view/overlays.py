@@ -91,10 +91,9 @@ def find_saturated(estimate: Estimate) -> Map:
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
     >>> counts = np.array([[3, 4]], np.int32)
     >>> made = Estimate(
-    ...     image=counts.astype(np.float32), counts=counts, trials=4, sensor=Sensor(frames=4),
+    ...     image=counts.astype(np.float32), counts=counts, trials=4, sensor=jl.Sensor(frames=4),
     ...     method="mle", title="", seconds=0.0, data=counts,
     ... )
     >>> find_saturated(made).tolist()

@@ -23,11 +23,10 @@ def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
 
     Examples
     --------
-    >>> from jotlight.sensing.sensor import Sensor
     >>> from jotlight.view.viewed import Viewed
     >>> opening = Opening("a capture.npy", argv=("--gain", "2.0"))
-    >>> bits = Sensor(frames=8).expose([[0.5, 0.5]], rng=0)
-    >>> viewed = Viewed("a capture.npy", bits, Sensor(frames=8), opening=opening)
+    >>> bits = jl.Sensor(frames=8).expose([[0.5, 0.5]], rng=0)
+    >>> viewed = Viewed("a capture.npy", bits, jl.Sensor(frames=8), opening=opening)
     >>> recipe(viewed, ViewState(2, 4, "mle", white=0.5))["command"]
     "jotlight reconstruct 'a capture.npy' -o view.png --depth 16 --frame-range 2:6 --gain 2.0 \
 --method mle --curve gamma --white 0.5"

@@ -18,9 +18,8 @@ class RunningCounts:
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
     >>> from jotlight.view.viewed import Viewed
-    >>> running = RunningCounts(Viewed.from_data(Bits.from_array(np.ones((100, 1, 2), bool))))
+    >>> running = RunningCounts(Viewed.from_data(jl.Bits.from_array(np.ones((100, 1, 2), bool))))
     >>> running.move(range(10, 90)).tolist(), running.counted
     ([[80, 80]], 80)
     >>> running.move(range(11, 91)).tolist(), running.counted

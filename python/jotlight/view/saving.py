@@ -58,9 +58,8 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
     >>> from jotlight.view.viewed import Viewed
-    >>> viewed = Viewed.from_data(Bits.from_array(np.ones((4, 2, 2), bool)))
+    >>> viewed = Viewed.from_data(jl.Bits.from_array(np.ones((4, 2, 2), bool)))
     >>> save_view(viewed, ViewState(window=4), "png")[1:4]
     b'PNG'
     """
@@ -176,9 +175,8 @@ def file_name(viewed: Viewable, state: ViewState, ending: str) -> str:
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
     >>> from jotlight.view.viewed import Viewed
-    >>> viewed = Viewed("../night sky.npy", Bits.from_array(np.ones((4, 2, 2), bool)), None)
+    >>> viewed = Viewed("../night sky.npy", jl.Bits.from_array(np.ones((4, 2, 2), bool)), None)
     >>> file_name(viewed, ViewState(1, 2, "mle"), "tif")
     'night-sky-1-3-mle.tif'
     """

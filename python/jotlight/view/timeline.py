@@ -27,9 +27,8 @@ def firing_rates(
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
     >>> from jotlight.view.viewed import Viewed
-    >>> bits = Bits.from_array(np.arange(4)[:, None, None] >= np.full((1, 1, 8), 2))
+    >>> bits = jl.Bits.from_array(np.arange(4)[:, None, None] >= np.full((1, 1, 8), 2))
     >>> rates, frames = firing_rates(Viewed.from_data(bits))
     >>> rates.tolist(), frames
     ([0.0, 0.0, 1.0, 1.0], 1)

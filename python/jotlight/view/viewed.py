@@ -136,7 +136,7 @@ class Viewed:
 
     Examples
     --------
-    >>> viewed = Viewed.from_data(Sensor(frames=8).expose(np.full((2, 3), 0.5), rng=0))
+    >>> viewed = Viewed.from_data(jl.Sensor(frames=8).expose(np.full((2, 3), 0.5), rng=0))
     >>> viewed.frames, viewed.shape, viewed.sensor(4).gain
     (range(0, 8), (2, 3), 4.0)
     """
@@ -214,7 +214,7 @@ def variable(sensor: Sensor) -> str:
 
     Examples
     --------
-    >>> variable(Sensor(frames=4)), variable(Sensor(frames=4, bit_depth=4))
+    >>> variable(jl.Sensor(frames=4)), variable(jl.Sensor(frames=4, bit_depth=4))
     ('bits', 'readings')
     """
     return "readings" if sensor.bit_depth > 1 else "bits"

@@ -303,7 +303,7 @@ def moving(
 
     Examples
     --------
-    >>> scene = moving(motion="shake", sensor=Sensor(frames=16), shape=(32, 48), rng=0)
+    >>> scene = moving(motion="shake", sensor=jl.Sensor(frames=16), shape=(32, 48), rng=0)
     >>> scene.bits.shape, scene.image().shape, scene.motion(0).shape
     ((16, 32, 48), (32, 48), (2, 32, 48))
     >>> bool(scene.visible(scene.reference).all())

@@ -80,9 +80,9 @@ def motion_score(
     >>> still = np.broadcast_to(0.2 + 0.2 * rows[:, None], (64, 64, 64))
     >>> moving = np.stack([np.roll(frame, time // 4, axis=0) for time, frame in enumerate(still)])
     >>> noise = np.random.default_rng(0).random((64, 64, 64))
-    >>> motion_score(Bits.from_array(noise < still)) < THRESHOLD
+    >>> motion_score(jl.Bits.from_array(noise < still)) < THRESHOLD
     True
-    >>> motion_score(Bits.from_array(noise < moving)) > THRESHOLD
+    >>> motion_score(jl.Bits.from_array(noise < moving)) > THRESHOLD
     True
     """
     burst = as_burst(data)

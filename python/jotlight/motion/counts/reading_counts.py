@@ -75,12 +75,12 @@ class ReadingCounts:
 
     Examples
     --------
-    >>> sensor = Sensor(frames=32, bit_depth=6, gain=64.0)
+    >>> sensor = jl.Sensor(frames=32, bit_depth=6, gain=64.0)
     >>> readings = sensor.expose(np.full((8, 8), 0.5), rng=0)
     >>> converted = ReadingCounts(readings, sensor)
     >>> converted.trials, converted.sensor
     (31, Sensor(frames=992, gain=64.0))
-    >>> bracket = Sensor(frames=32, gain=[1.0, 7.0] * 16)
+    >>> bracket = jl.Sensor(frames=32, gain=[1.0, 7.0] * 16)
     >>> converted = ReadingCounts(bracket.expose(np.full((8, 8), 0.5), rng=0), bracket, 2)
     >>> len(converted.counts), converted.counts.trials, converted.sensor
     (16, 2, Sensor(frames=32, gain=128.0))

@@ -12,7 +12,7 @@ class FilmFrames:
 
     Examples
     --------
-    >>> known = FilmFrames(Bits.from_array([[[0]], [[1]], [[1]]]), first=10)
+    >>> known = FilmFrames(jl.Bits.from_array([[[0]], [[1]], [[1]]]), first=10)
     >>> known.numbers, known.part(range(11, 13)).shape
     (range(10, 13), (2, 1, 1))
     """

@@ -26,7 +26,8 @@ def has_kinds(sensor: Sensor) -> bool:
 
     Examples
     --------
-    >>> has_kinds(Sensor()), has_kinds(Sensor(mosaic="RGGB")), has_kinds(Sensor(threshold=[[1, 2]]))
+    >>> sensors = jl.Sensor(), jl.Sensor(mosaic="RGGB"), jl.Sensor(threshold=[[1, 2]])
+    >>> tuple(has_kinds(sensor) for sensor in sensors)
     (False, True, True)
     """
     return sensor.mosaic is not None or np.ndim(sensor.threshold) == 2
@@ -37,7 +38,7 @@ def without_kinds(sensor: Sensor) -> Sensor:
 
     Examples
     --------
-    >>> without_kinds(Sensor(threshold=[[1, 2]])), without_kinds(Sensor(mosaic="RGGB"))
+    >>> without_kinds(jl.Sensor(threshold=[[1, 2]])), without_kinds(jl.Sensor(mosaic="RGGB"))
     (Sensor(), Sensor())
     """
     gray = without_mosaic(sensor)

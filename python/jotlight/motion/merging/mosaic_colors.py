@@ -31,7 +31,7 @@ def is_mergeable(sensor: Sensor) -> bool:
 
     Examples
     --------
-    >>> [is_mergeable(Sensor(mosaic=mosaic)) for mosaic in (None, "RGGB", "RGBW")]
+    >>> [is_mergeable(jl.Sensor(mosaic=mosaic)) for mosaic in (None, "RGGB", "RGBW")]
     [True, True, False]
     """
     mosaic = sensor.mosaic
@@ -75,7 +75,7 @@ def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
 
     Examples
     --------
-    >>> red, green, blue = sensors_of_colors(Sensor(mosaic="RGGB"), (4, 4))
+    >>> red, green, blue = sensors_of_colors(jl.Sensor(mosaic="RGGB"), (4, 4))
     >>> red.mask[:2, :2].tolist()
     [[False, True], [True, True]]
     """

@@ -50,9 +50,10 @@ def squares_side(sensor: Sensor) -> int:
 
     Examples
     --------
-    >>> squares_side(Sensor(mosaic="RGGB")), squares_side(Sensor(mosaic="RGB", oversampling=2))
+    >>> sensors = jl.Sensor(mosaic="RGGB"), jl.Sensor(mosaic="RGB", oversampling=2)
+    >>> tuple(squares_side(sensor) for sensor in sensors)
     (2, 6)
-    >>> squares_side(Sensor(threshold=1 + np.indices((64, 64)).sum(axis=0) % 3))
+    >>> squares_side(jl.Sensor(threshold=1 + np.indices((64, 64)).sum(axis=0) % 3))
     3
     """
     if sensor.mosaic is None:
@@ -237,7 +238,7 @@ def enlarge_motion(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
     >>> nodes[0, 1] = 1.5
     >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
     >>> labels = np.zeros((16, 16), np.uint8)
-    >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
+    >>> motion = jl.Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
     >>> enlarge_motion(motion, 2, (33, 32)).at(6)[:, 5, 7].tolist()
     [3.0, 3.0]
     """

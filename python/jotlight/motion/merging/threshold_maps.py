@@ -39,7 +39,7 @@ def sensors_of_thresholds(sensor: Sensor) -> list[Sensor]:
 
     Examples
     --------
-    >>> low, high = sensors_of_thresholds(Sensor(threshold=[[1, 3], [3, 1]]))
+    >>> low, high = sensors_of_thresholds(jl.Sensor(threshold=[[1, 3], [3, 1]]))
     >>> high.threshold, high.mask.tolist()
     (3, [[True, False], [False, True]])
     """
