@@ -156,7 +156,7 @@ impl<F: Real> WithSimd for BankCorrelation<'_, '_, F> {
                             );
                             first += LARGE_GROUP;
                         }
-                        OutputGroup::Small(taps) if S::REGISTER_COUNT < 32 => {
+                        OutputGroup::Small(taps) if const { S::REGISTER_COUNT < 32 } => {
                             self.block::<S, SMALL_GROUP, NARROW_TILE>(
                                 simd, taps, first, row, columns,
                             );
@@ -196,8 +196,8 @@ impl<F: Real> BankCorrelation<'_, '_, F> {
                     2 => self.tile::<S, O, 2>(simd, taps, first, row, column),
                     3 => self.tile::<S, O, 3>(simd, taps, first, row, column),
                     // A wide tile would read planes beyond their end.
-                    4 if C > 4 => self.tile::<S, O, 4>(simd, taps, first, row, column),
-                    5 if C > 5 => self.tile::<S, O, 5>(simd, taps, first, row, column),
+                    4 if const { C > 4 } => self.tile::<S, O, 4>(simd, taps, first, row, column),
+                    5 if const { C > 5 } => self.tile::<S, O, 5>(simd, taps, first, row, column),
                     _ => self.tile::<S, O, C>(simd, taps, first, row, column),
                 };
         }

@@ -85,7 +85,7 @@ impl<F: Real> WithSimd for ShiftedProducts<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        if S::REGISTER_COUNT < 32 {
+        if const { S::REGISTER_COUNT < 32 } {
             self.run::<S, 3, 3>(simd);
         } else {
             self.run::<S, 4, 5>(simd);
