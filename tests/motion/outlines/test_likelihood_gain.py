@@ -80,7 +80,7 @@ def test_the_gain_is_that_of_a_loop_over_frames():
     none = still(blocks)
     for block in range(12):
         halves = [
-            [motion.counts.sums(other) for other in range(12) if other % 2 != block % 2]
+            [motion.sums(other) for other in range(12) if other % 2 != block % 2]
             for motion in (moving, none)
         ]
         own, of_still = (
