@@ -1,6 +1,7 @@
 """All checks, by name. `nox` runs the gate; `nox --tags release` runs the slower checks.
 
 The tags below are the only list of the gate's steps: `.ci/run` and CONTRIBUTING refer to them.
+`.ci/run` runs the steps with the tag "beside", which use one core, at the same time as the last.
 """
 
 import os
@@ -48,7 +49,7 @@ os.environ.setdefault("UV_INDEX_STRATEGY", "unsafe-best-match")  # the rule of p
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
-@nox.session(tags=["gate"])
+@nox.session(tags=["gate", "first"])
 def lint(session: nox.Session) -> None:
     """Check the style and the lints of Python and Rust, and the words of the glossary."""
     session.install("ruff>=0.9")
@@ -65,7 +66,7 @@ def lint(session: nox.Session) -> None:
             session.warn(f"{tool} is not installed: its check was NOT made")
 
 
-@nox.session(venv_backend="none", tags=["gate"])
+@nox.session(venv_backend="none", tags=["gate", "first"])
 def readme(session: nox.Session) -> None:
     """Run the README's test commands unchanged, in a copy of the tracked files; then slow tests."""
     copy = Path(session.create_tmp()).resolve() / "jotlight"
@@ -85,7 +86,7 @@ def readme(session: nox.Session) -> None:
         session.run("bash", "-ec", slow, env={**env, "OPENBLAS_NUM_THREADS": "1"}, external=True)
 
 
-@nox.session(venv_backend="none", tags=["gate"])
+@nox.session(venv_backend="none", tags=["gate", "first"])
 def rust(session: nox.Session) -> None:
     """Run the engine's own tests, and the examples in its documentation."""
     # The session `readme` has compiled most of it already.
@@ -94,7 +95,7 @@ def rust(session: nox.Session) -> None:
     session.run("cargo", "doc", "--no-deps", "--workspace", env=strict, external=True)
 
 
-@nox.session(tags=["gate"])
+@nox.session(tags=["gate", "first"])
 def wheel(session: nox.Session) -> None:
     """Build the wheel that the sessions below install."""
     session.install("maturin>=1.9.4,<2")
@@ -102,7 +103,7 @@ def wheel(session: nox.Session) -> None:
     session.run("maturin", "build", "--release", "--locked", "--out", str(DIST))
 
 
-@nox.session(tags=["gate"])
+@nox.session(tags=["gate", "beside"])
 def types(session: nox.Session) -> None:
     """Check the types strictly, and compare the engine's stub with the compiled module."""
     install_wheel(session, "mypy>=1.13", extra="zarr")  # we derive classes from those of zarr
@@ -110,7 +111,7 @@ def types(session: nox.Session) -> None:
     session.run("python", "-m", "mypy.stubtest", "jotlight._engine")
 
 
-@nox.session(tags=["gate"])
+@nox.session(tags=["gate", "last"])
 def torch(session: nox.Session) -> None:
     """Run all tests that need PyTorch; arguments go to pytest.
 
@@ -125,7 +126,7 @@ def torch(session: nox.Session) -> None:
     session.run("pytest", *chosen, *files, *session.posargs)
 
 
-@nox.session(tags=["gate"])
+@nox.session(tags=["gate", "beside"])
 def site(session: nox.Session) -> None:
     """Build the website without running the examples, and check all links between its pages."""
     build_site(session, "-D", "plot_gallery=0")

@@ -130,7 +130,6 @@ def test_frames_are_read_when_they_are_needed():
     assert read == [(2, 5)]
 
 
-@pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
 def test_long_bursts_take_no_more_memory_than_short_ones(monkeypatch):
@@ -142,7 +141,7 @@ def test_long_bursts_take_no_more_memory_than_short_ones(monkeypatch):
     still = np.stack([np.packbits(np.roll(texture, n, 1)[:48, :48], axis=1) for n in shifts])
     noise = np.packbits(rng.random((257, 48, 48)) < 0.3, axis=2)
     peaks = []
-    for frames in (64, 2000, 10_000):
+    for frames in (2000, 1000, 5000):  # the first one also loads the networks
 
         def read(start, stop, frames=frames):
             times = np.arange(start, stop)
@@ -155,5 +154,5 @@ def test_long_bursts_take_no_more_memory_than_short_ones(monkeypatch):
         tracemalloc.stop()
         assert 0 < merged.trials.min() <= merged.trials.max() <= frames
     # The displacements and the accepted pixels of each block remain in memory: a few kB each. The
-    # network keeps its parameters for other K, too.
-    assert peaks[2] < peaks[1] + 2.5e6
+    # bits of 4000 frames take 1.2 MB.
+    assert peaks[2] < peaks[1] + 0.5e6
