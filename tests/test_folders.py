@@ -9,7 +9,7 @@ import pytest
 import jotlight
 
 PACKAGE = Path(jotlight.__file__).parent
-FOLDERS = sorted(path.parent for path in PACKAGE.glob("*/__init__.py"))
+FOLDERS = sorted(path.parent for path in PACKAGE.glob("**/__init__.py") if path.parent != PACKAGE)
 
 
 def modules_of(folder):
@@ -18,7 +18,7 @@ def modules_of(folder):
     return files | {path.parent.name for path in folder.glob("*/__init__.py")}
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_the_docstring_of_a_folder_names_its_modules(folder):
     text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text("utf-8")))
     named = set(re.findall(r"`(?:[\w.]+\.)?(\w+)`", text))

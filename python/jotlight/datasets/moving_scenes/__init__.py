@@ -3,7 +3,7 @@
 - `textures`: photographs as functions of continuous coordinates.
 - `paths`: where a plane is at each time.
 - `planes`: textures with an outline that move along paths.
-- `kinds`: the named scenes.
+- `kinds`: the named scenes. `tables`: their poses in text files.
 - `drawn_frames`: frames that are drawn when they are read.
 - `scene`: what a sensor records of the planes.
 """

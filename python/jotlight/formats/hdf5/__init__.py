@@ -1,1 +1,5 @@
-"""HDF5 files, and the HDF5 library in this process or in a child process."""
+"""HDF5 files, and the HDF5 library in this process or in a child process.
+
+- `captures`: data sets of bits and counts as captures.
+- `library`: the calls of the HDF5 library. `isolated`: the same calls in a child process.
+"""
