@@ -12,6 +12,7 @@ from jotlight.motion.agreement.consistency import find_consistent
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.burst import as_burst
 from jotlight.motion.counts.sums import Sums
+from jotlight.motion.displacements.segments import Segment
 from jotlight.motion.displacements.track import Paths, Track
 from jotlight.motion.outlines.added_tiles import share_of_unknown
 from jotlight.motion.outlines.objects import MAX_OBJECTS
@@ -280,6 +281,31 @@ def test_held_out_frames_are_predicted_by_the_bits_that_are_counted(monkeypatch)
     monkeypatch.setattr(path_search, "held_out_likelihood", lambda _, total, held: (total, held))
     found = path_search._held_out(paths, find_consistent(paths), range(4, 8))
     assert found == (counted.total, range(4, 8))
+
+
+def test_the_velocities_of_all_segments_are_tried_once(monkeypatch):
+    """In dim light, the first segments may turn in a way that does not occur."""
+    _, bits = record("static", frames=16, shape=(32, 48))
+    blocks = blocks_of(bits)
+    still = Found(Paths([Track.still(blocks)], np.zeros((32, 48), np.uint8)), "none", None)
+    gains = {2.0: -5.0, 4.0: 7.0, 6.0: 3.0}
+    tried = []
+
+    def follow(blocks, segment):
+        tried.append(float(segment.velocity.flat[0]) * 16)
+        return Track.still(blocks)
+
+    def segment(pixels):
+        velocity = np.full((2, 2, 3), pixels / 16)
+        return Segment(velocity, np.ones((2, 3)), 0.0, 8)
+
+    monkeypatch.setattr(path_search, "follow_together", follow)
+    monkeypatch.setattr(path_search, "_gain_over_rest", lambda _: (gains[tried[-1]], False))
+    divisions = [[segment(2.0)], [segment(2.1), segment(0.5), segment(4.0)], [segment(6.0)]]
+    found = path_search._or_constant_velocity(blocks, divisions, still, 0.0)
+    assert tried == [2.0, 4.0, 6.0]
+    assert (found.model, found.consistent is None) == ("affine", False)
+    assert path_search._or_constant_velocity(blocks, divisions, still, 10.0) is still
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """The search for the paths of all pixels that explain the bits of a scene best."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -115,24 +116,35 @@ def _best_of(
         if is_clear:
             break
     else:
-        best = _or_constant_velocity(blocks, divisions[0][0], best, most)
+        best = _or_constant_velocity(blocks, divisions, best, most)
     if len(best.paths.tracks) - best.paths.free == 1 and not best.is_explained:
         best = _slow_segments(blocks, best)
     return _without_wrong_parts(best, still)
 
 
-def _or_constant_velocity(blocks: Blocks, segment: Segment, best: Found, most: float) -> Found:
+def _or_constant_velocity(
+    blocks: Blocks, divisions: list[list[Segment]], best: Found, most: float
+) -> Found:
     """Return the path of a scene that begins at a constant velocity, or a better one.
 
     In dim light, such as that of a few stars, blocks that are aligned one after the other get lost.
+    The velocities of all segments are tried, because rotations that do not occur may come first.
     `most` is the gain of the best paths found so far.
     """
-    if np.hypot(*segment.velocity).max() * len(blocks.burst) < _MOVES:
+    tried: list[Array] = []
+    for segment in itertools.chain.from_iterable(divisions):
+        displacements = segment.velocity * len(blocks.burst)
+        others = (abs(displacements - each).max() for each in tried)
+        if np.hypot(*displacements).max() < _MOVES or any(each < _MOVES for each in others):
+            continue
+        tried.append(displacements)
+        paths = Paths([follow_together(blocks, segment)], np.zeros(blocks.size, np.uint8))
+        gain = _gain_over_rest(paths)[0]
+        if gain > most:
+            best, most = Found(paths, "affine", None), gain
+    if not tried or best.consistent is not None or best.model == "none":
         return best
-    paths = Paths([follow_together(blocks, segment)], np.zeros(blocks.size, np.uint8))
-    if _gain_over_rest(paths)[0] <= most:
-        return best
-    return Found(paths, "affine", find_consistent(paths.exact()))
+    return dataclasses.replace(best, consistent=find_consistent(best.paths.exact()))
 
 
 def _without_wrong_parts(found: Found, still: Found) -> Found:
