@@ -3,6 +3,8 @@
 :func:`psnr` and :func:`snr` return ratios in dB, and :func:`ssim` the structural similarity.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import numpy.typing as npt
 

@@ -3,6 +3,8 @@
 The functions do not use pyplot, so they change no global state and need no display.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -45,7 +47,7 @@ def check_figure(path: Path) -> None:
         raise ValueError(f"{path}: expected a name that ends in {', '.join(FIGURES)}")
 
 
-def save_figure(figure: "Figure", path: Path, *, dpi: float = 110) -> None:
+def save_figure(figure: Figure, path: Path, *, dpi: float = 110) -> None:
     """Write a figure in the format of its extension, completely or not at all."""
     with atomic_write(path) as temporary, open_output(temporary) as file:
         figure.savefig(file, format=path.suffix[1:].lower(), dpi=dpi)
@@ -83,7 +85,7 @@ class Panel:
                 object.__setattr__(self, name, _checked(name, value))
 
 
-def comparison(panels: Sequence[Panel], heading: str, *, white: float = 1.0) -> "Figure":
+def comparison(panels: Sequence[Panel], heading: str, *, white: float = 1.0) -> Figure:
     """Return a figure of images of one scene, each with an enlarged crop below it.
 
     All crops show the part of the scene that has the strongest edges in the first image. Intensity
@@ -114,7 +116,7 @@ def comparison(panels: Sequence[Panel], heading: str, *, white: float = 1.0) -> 
     total_height = rows * cell_height + _TEXT
     figure = Figure(total_width, total_height, layout=None)
 
-    def axes_at(x: float, y: float, axes_height: float) -> "Axes":
+    def axes_at(x: float, y: float, axes_height: float) -> Axes:
         """Return axes whose top left corner is x, y inches from that of the figure."""
         bottom = 1 - (y + axes_height) / total_height
         size = (_SIDE / total_width, axes_height / total_height)
@@ -174,7 +176,7 @@ def bits_panel(bits: Bits | Readings, oversampling: int) -> Panel:
     )
 
 
-def training(network: Network | PlanesNetwork, history: History) -> "Figure":
+def training(network: Network | PlanesNetwork, history: History) -> Figure:
     """Return a figure of a training run: curves in the top row, splines and filters below."""
     from jotlight.figures import Figure
 
@@ -231,13 +233,13 @@ def _common_size(panels: Sequence[Panel]) -> tuple[int, int]:
     return height, width
 
 
-def _show(axes: "Axes", image: npt.NDArray[np.floating], white: float) -> None:
+def _show(axes: Axes, image: npt.NDArray[np.floating], white: float) -> None:
     shown = np.clip(image / white, 0, 1)
     interpolation = "nearest" if min(shown.shape[:2]) < 400 else "auto"
     axes.imshow(shown, cmap="gray", vmin=0, vmax=1, interpolation=interpolation)
 
 
-def _frame(left: float, top: float, width: float, height: float, *, line: float) -> "Rectangle":
+def _frame(left: float, top: float, width: float, height: float, *, line: float) -> Rectangle:
     from matplotlib.patches import Rectangle
 
     corner = (left - 0.5, top - 0.5)

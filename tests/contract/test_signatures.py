@@ -4,27 +4,18 @@ import inspect
 
 import pytest
 
-import jotlight as jl
+from public_modules import import_public, public_callables, public_module_names
 
 LONGEST = 650
 """Characters. The names of types need fewer, and what they stand for many more."""
 
-
-def callables_of(name):
-    """Yield a public object and its public methods."""
-    value = getattr(jl, name)
-    yield value
-    if inspect.isclass(value):
-        methods = vars(value).items()
-        yield from (each for key, each in methods if key[0] != "_" and inspect.isfunction(each))
+EVALUATED = "numpy._typing", "numpy.ndarray[", "numpy.dtype["
+"""What help shows for npt.ArrayLike and npt.NDArray if their module evaluates annotations."""
 
 
-def has_signature(name):
-    value = getattr(jl, name)
-    return callable(value) and not (inspect.isclass(value) and issubclass(value, Exception))
-
-
-@pytest.mark.parametrize("name", [name for name in jl.__all__ if has_signature(name)])
+@pytest.mark.parametrize("name", public_module_names())
 def test_signatures_name_types(name):
-    for each in callables_of(name):
-        assert len(str(inspect.signature(each))) <= LONGEST, each
+    for each, value in public_callables(import_public(name)):
+        signature = str(inspect.signature(value))
+        assert len(signature) <= LONGEST, each
+        assert not any(text in signature for text in EVALUATED), (each, value.__module__)

@@ -1,5 +1,7 @@
 """The distribution of the dark counts of ordinary jots, with a fit that ignores hot jots."""
 
+from __future__ import annotations
+
 import dataclasses
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Hot jots in a capture of a scene, for sensors without a dark capture."""
 
+from __future__ import annotations
+
 import numpy as np
 import numpy.typing as npt
 

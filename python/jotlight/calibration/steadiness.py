@@ -1,5 +1,7 @@
 """Tests of the likelihood's assumption that frames are independent and identically distributed."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Iterable

@@ -1,5 +1,7 @@
 """The photographs of the Berkeley segmentation data set."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """The small images of CIFAR-10."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 

@@ -1,5 +1,7 @@
 """Scenes that need no download: photographs of scikit-image, and synthetic scenes."""
 
+from __future__ import annotations
+
 import functools
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The choice of gains and thresholds for a range of light."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Sequence
 

@@ -7,6 +7,8 @@ training images at K = 16 (``python benchmarks/studies/denoiser_strengths.py``).
 :func:`jotlight.noniterative` also takes a function of your own.
 """
 
+from __future__ import annotations
+
 import functools
 import inspect
 from collections.abc import Callable

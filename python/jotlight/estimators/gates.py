@@ -4,6 +4,8 @@
 :func:`gate_dataset` returns the gates for other packages.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

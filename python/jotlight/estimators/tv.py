@@ -4,6 +4,8 @@
 :func:`automatic_weight` the weight that :func:`jotlight.admm_tv` uses by default.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

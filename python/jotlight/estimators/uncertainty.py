@@ -1,5 +1,7 @@
 """The uncertainty of each pixel, and the exact confidence interval of `jotlight.mle`."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, Self
@@ -122,7 +124,7 @@ class Uncertainty:
         changed = {name: getattr(self, name) * np.asarray(factor, np.float32) for name in _FLOATS}
         return dataclasses.replace(self, **changed)
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Return a figure of the standard error and of the width of the interval.
 
         The first image of a stack is shown, and the mean over the channels.

@@ -4,6 +4,8 @@ After :func:`anscombe` the noise of a count is close to normal with standard dev
 :data:`NOISE`, unless nearly all bits are equal. Any denoiser for white Gaussian noise then applies.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 

@@ -1,5 +1,7 @@
 """Writing of captures in any format, part by part, and completely or not at all."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Read photographs as intensities, and write images."""
 
+from __future__ import annotations
+
 import contextlib
 import json
 import os

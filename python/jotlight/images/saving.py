@@ -1,5 +1,7 @@
 """Images and films of any kind of number, as files for display or for measurements."""
 
+from __future__ import annotations
+
 import itertools
 import os
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,5 +1,7 @@
 """The motion of a scene: displacements of the centers of tiles at some times."""
 
+from __future__ import annotations
+
 import dataclasses
 import json
 import os
@@ -216,7 +218,7 @@ class Motion(HasReadOnlyArrays):
         """
         return choose(self.labels, [interpolate(nodes, self.size) for nodes in self.nodes_at(time)])
 
-    def seen_from(self, time: float) -> "Motion":
+    def seen_from(self, time: float) -> Motion:
         """Return the same motion as seen from another reference time.
 
         Examples
@@ -270,7 +272,7 @@ class Motion(HasReadOnlyArrays):
         except (KeyError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: damaged file of a motion: {error}") from error
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Return a figure of the displacements over time, and of where the scene moves how."""
         from jotlight.figures import Figure
 

@@ -1,5 +1,7 @@
 """One layer of a network: a filter bank, followed by pointwise cubic B-splines."""
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import operator

@@ -1,5 +1,7 @@
 """K-conditioned networks that read planes: other estimates of an image, and what its bits add."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self, cast
@@ -146,7 +148,7 @@ class PlanesNetwork(EngineBacked):
 
         def make(
             layers: Sequence[Layer], _: Sensor, history: Mapping[str, Any], **options: Any
-        ) -> "PlanesNetwork":
+        ) -> PlanesNetwork:
             return cls(layers, history, **options)
 
         return cast(Self, read_network(path, make, planes=cls.planes))

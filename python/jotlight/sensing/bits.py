@@ -1,5 +1,7 @@
 """Bits of a single-photon camera, in packed form."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Self, SupportsIndex, overload
 
@@ -283,7 +285,7 @@ class Bits(FrameSequence):
             oversampling = self.sensor.oversampling if self.sensor else 1
         return count_ones_of_one(self, oversampling, mask, out, threads, progress)
 
-    def to_dask(self, chunks: Chunks = "128MiB") -> "dask.array.Array":
+    def to_dask(self, chunks: Chunks = "128MiB") -> dask.array.Array:
         """Return the packed bits as a lazy array of dask, chunked in time (extra `dask`).
 
         Parameters

@@ -1,5 +1,7 @@
 """Linear functions of arrays, with checks of their shapes."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Callable, Sequence
 from operator import index

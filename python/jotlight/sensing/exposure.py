@@ -1,5 +1,7 @@
 """Simulation of a sensor: rates, probabilities, and random readings of an image."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np

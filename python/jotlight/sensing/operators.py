@@ -5,6 +5,8 @@ An operator is a pair of functions, forward and adjoint. :func:`spread` returns 
 :func:`check_adjoint` checks that the two functions of your own :class:`Operator` fit together.
 """
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -67,7 +69,7 @@ class Operator:
     def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
         return super().__reduce_ex__(protocol) if self._make is None else (self._make, ())
 
-    def _made_by(self, make: Callable[[], "Operator"]) -> Self:
+    def _made_by(self, make: Callable[[], Operator]) -> Self:
         """Return the operator itself, which `pickle` makes again with a function."""
         object.__setattr__(self, "_make", make)
         return self

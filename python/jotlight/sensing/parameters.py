@@ -1,5 +1,7 @@
 """The parameters of a sensor as a whole: their parts in files, their comparison, and their text."""
 
+from __future__ import annotations
+
 import dataclasses
 from typing import Any, Self
 

@@ -1,5 +1,7 @@
 """Rates that repeat with a period of a few jots, as under the color filters of a Bayer mosaic."""
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import math

@@ -1,5 +1,7 @@
 """The problem of maximizing the likelihood of bits: equation (4)."""
 
+from __future__ import annotations
+
 import dataclasses
 
 import numpy as np
@@ -76,13 +78,13 @@ class Problem:
         """Whether the problem consists of those of N images."""
         return self.operator.output_shape != self.likelihood.shape
 
-    def stacked(self) -> "Problem":
+    def stacked(self) -> Problem:
         """Return the problem as one of a stack."""
         if self.is_stack:
             return self
         return dataclasses.replace(self, likelihood=self.likelihood.stacked())
 
-    def select(self, images: npt.NDArray[np.bool_]) -> "Problem":
+    def select(self, images: npt.NDArray[np.bool_]) -> Problem:
         """Return the problem of the images of a stack that a mask (N,) marks."""
         if are_all(images):
             return self

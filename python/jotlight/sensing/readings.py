@@ -1,5 +1,7 @@
 """Readings of several bits, which state how many photons each jot has seen."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import Any, Self, SupportsIndex, overload
 

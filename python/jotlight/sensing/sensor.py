@@ -1,5 +1,7 @@
 """The sensor: its parameters, and the physics that leads from an image to bits."""
 
+from __future__ import annotations
+
 import dataclasses
 from typing import Any, Self, cast
 

@@ -1,5 +1,7 @@
 """Fine-tuning of a network on the bits of one capture, without ground truth."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 import os

@@ -1,5 +1,7 @@
 """Training of deep networks on images: `jotlight.torch.train`."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 

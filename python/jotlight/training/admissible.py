@@ -1,5 +1,7 @@
 """The admissible set 𝒜 of parameters, and the projection onto it: equations (12) and (13)."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from typing import Protocol

@@ -1,5 +1,7 @@
 """Patches of photographs in color, behind mosaics or in three channels, for color networks."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The training cost of one step, with its gradient and normal equations."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Patches of the images of films, for film networks."""
 
+from __future__ import annotations
+
 import dataclasses
 import hashlib
 from collections.abc import Sequence
@@ -46,7 +48,7 @@ class FilmExample:
         if self.planes.shape != expected:
             raise ValueError(f"planes: expected shape {expected}, got {self.planes.shape}")
 
-    def cut(self, rng: np.random.Generator, side: int) -> "FilmExample":
+    def cut(self, rng: np.random.Generator, side: int) -> FilmExample:
         """Return a random square part, randomly rotated and mirrored."""
         (y, x), symmetry = (
             rng.integers(np.array(self.truth.shape) - side + 1),

@@ -1,5 +1,7 @@
 """A projected Gauss-Newton method: few large steps, for networks with few parameters."""
 
+from __future__ import annotations
+
 import dataclasses
 from typing import ClassVar
 

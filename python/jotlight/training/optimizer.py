@@ -1,5 +1,7 @@
 """The interface between a training run and its optimizer."""
 
+from __future__ import annotations
+
 import dataclasses
 from typing import Any, Protocol
 

@@ -1,5 +1,7 @@
 """First-order optimizers, and all optimizers by name."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from typing import ClassVar

@@ -1,5 +1,7 @@
 """All parameters of a network as one vector, a = vec({h1, w1, h2, w2}), equation (12)."""
 
+from __future__ import annotations
+
 import dataclasses
 import hashlib
 from collections.abc import Iterator

@@ -1,5 +1,7 @@
 """Sources of training patches: images, functions that generate images, and mixtures of sources."""
 
+from __future__ import annotations
+
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

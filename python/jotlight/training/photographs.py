@@ -1,5 +1,7 @@
 """Patches of color photographs: planes, scales, and display-encoded or linear light."""
 
+from __future__ import annotations
+
 import hashlib
 import math
 import os

@@ -1,5 +1,7 @@
 """What a sensor records of moving planes."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -164,7 +166,7 @@ class MovingScene:
         time = self.reference if time is None else time
         return self._moved(time, time)[0]
 
-    def with_photons(self, photons: float) -> "MovingScene":
+    def with_photons(self, photons: float) -> MovingScene:
         """Return the same scene with another mean number of photons per jot and frame.
 
         The gain of the sensor is scaled, so that the image at the reference frame has this mean.

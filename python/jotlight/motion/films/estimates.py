@@ -1,5 +1,7 @@
 """The images of a film by the film network, which also reads the last image."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Iterable, Iterator
 

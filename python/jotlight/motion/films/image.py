@@ -1,5 +1,7 @@
 """An image of a film, and the counts of the parts of its window."""
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 from collections.abc import Callable
