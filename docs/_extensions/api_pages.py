@@ -1,7 +1,7 @@
 """Write the pages of the API reference: a page for each public name, and one for each section.
 
-The public names are those of `__all__` in `jotlight` and in its public packages, and the public
-functions of the public modules. A new name appears by itself: its folder decides the section.
+The public names are those of `__all__` in `jotlight` and in its public modules. A new name appears
+by itself: its folder decides the section.
 """
 
 import ast
@@ -23,6 +23,7 @@ from sphinx.ext.autodoc.mock import _MockObject, mock
 from sphinx.pycode import ModuleAnalyzer
 
 import jotlight
+import jotlight.plots
 
 SECTIONS = {
     "sensing": "Sensor, bits, and likelihood",
@@ -52,7 +53,6 @@ USED_NAMES = {
     "jotlight.images.tone": ("Tone",),
     "jotlight.estimators.planned_motion": ("MotionPlan", "SceneModel", "plan_motion"),
     "jotlight.sensing.mosaic": ("Mosaic",),
-    "jotlight.plots": ("Panel", "bits_panel", "comparison", "training"),
     "jotlight.torch.deepinv": (
         "BitLikelihood",
         "NetworkDenoiser",
@@ -119,7 +119,8 @@ def _namespaces() -> Iterator[tuple[str, Sequence[str]]]:
         if isinstance(module, ModuleType):
             # Sphinx imports `jotlight.estimators.tv` by its short name, `jotlight.tv`.
             sys.modules[f"jotlight.{name}"] = module
-            yield f"jotlight.{name}", _names_of(module)
+            yield f"jotlight.{name}", module.__all__
+    yield "jotlight.plots", jotlight.plots.__all__
     for package in pkgutil.iter_modules(jotlight.__path__, "jotlight."):
         if package.ispkg:
             module = importlib.import_module(package.name)
@@ -127,22 +128,6 @@ def _namespaces() -> Iterator[tuple[str, Sequence[str]]]:
     for used, names in USED_NAMES.items():
         importlib.import_module(used)
         yield used, names
-
-
-def _names_of(module: ModuleType) -> list[str]:
-    """Return `__all__`, or else the public functions, classes, and constants of a module."""
-    if hasattr(module, "__all__"):
-        return list(module.__all__)
-    documented = ModuleAnalyzer.for_module(module.__name__).find_attr_docs()
-    return [
-        name
-        for name, value in vars(module).items()
-        if not name.startswith("_")
-        and (
-            (name.isupper() and ("", name) in documented)
-            or getattr(value, "__module__", None) == module.__name__
-        )
-    ]
 
 
 def check_guide(folder: Path, names: list[Name]) -> None:

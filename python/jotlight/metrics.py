@@ -14,6 +14,13 @@ from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
 from jotlight.sensing.intensity_scale import gray_levels
 
+__all__ = ["WINDOW", "psnr", "snr", "ssim"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 WINDOW = 11
 """Side of the window of SSIM, in pixels."""
 

@@ -32,6 +32,13 @@ if TYPE_CHECKING:
 
     from jotlight.figures import Figure
 
+__all__ = ["Panel", "bits_panel", "comparison", "training"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 _COLUMNS = 5
 """Maximum number of images in a row."""
 _SIDE, _TEXT, _GAP = 3.2, 0.5, 0.08

@@ -34,3 +34,7 @@ __all__ = [
     "fit_bulk",
     "steadiness",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

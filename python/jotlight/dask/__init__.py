@@ -28,3 +28,7 @@ from jotlight.dask.counting import count
 from jotlight.dask.reconstruction import reconstruct
 
 __all__ = ["LazyCalibration", "calibrate", "count", "reconstruct"]
+
+
+def __dir__() -> list[str]:
+    return __all__

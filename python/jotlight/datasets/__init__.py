@@ -22,3 +22,7 @@ __all__ = [
     "uniform_scene",
     "uniform_scenes",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -24,6 +24,13 @@ from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
 from jotlight.parameter_names import check_choice
 
+__all__ = ["DENOISERS", "bm3d", "gaussian", "nlm", "tv"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 Float32Image = npt.NDArray[np.float32]
 """An image of float32."""
 

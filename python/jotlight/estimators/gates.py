@@ -23,6 +23,13 @@ from jotlight.estimators.decays import TOLERANCE, Gates, decay_rates
 from jotlight.sensing.response import Array
 from jotlight.sensing.values import numbers_from_zero
 
+__all__ = ["decay_lifetime", "gate_dataset", "gate_detections"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 _MIN_STEP = 1e-12
 """Smallest step between the times of gates, as a fraction of their span."""
 

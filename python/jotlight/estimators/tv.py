@@ -22,6 +22,13 @@ from jotlight.sensing.stacks import each_image, image_means, image_sums
 from jotlight.sensing.values import flatten
 from jotlight.underflow import underflows_to_0
 
+__all__ = ["NORMS", "automatic_weight", "shrink", "total_variation"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 NORMS = ("isotropic", "anisotropic")
 """The names of the norms of a pixel's two differences."""
 

@@ -17,6 +17,13 @@ from jotlight.checks import check_threads, to_array
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.values import flatten, number_or_map, numbers_from_zero
 
+__all__ = ["INVERSES", "NOISE", "anscombe", "inverse_anscombe"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 NOISE = 0.5
 """The standard deviation of the noise after :func:`anscombe`.
 

@@ -21,3 +21,7 @@ EXPERIMENTS: dict[str, Experiment] = {
 """The experiments by name, in the order of the paper."""
 
 __all__ = ["EXPERIMENTS", "Experiment"]
+
+
+def __dir__() -> list[str]:
+    return __all__

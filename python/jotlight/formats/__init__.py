@@ -24,3 +24,7 @@ from jotlight.formats.verification import verify_capture
 from jotlight.formats.writing import save
 
 __all__ = ["FORMATS", "open", "open_capture", "save", "verify_capture"]
+
+
+def __dir__() -> list[str]:
+    return __all__

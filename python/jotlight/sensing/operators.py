@@ -22,6 +22,12 @@ from jotlight.sensing.checked_maps import CheckedMap, LinearMap, array_of_shape,
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import KERNELS
 
+__all__ = ["Operator", "Scaling", "Spread", "check_adjoint", "differences", "scaling", "spread"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
 
 @dataclasses.dataclass(frozen=True)
 class Operator:

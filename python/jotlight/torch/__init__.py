@@ -46,3 +46,7 @@ __all__ = [
     "spline",
     "train",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

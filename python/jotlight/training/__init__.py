@@ -66,3 +66,7 @@ __all__ = [
     "train",
     "with_parameters",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__
