@@ -49,3 +49,21 @@ def test_counts_of_reference_jots_are_unchanged():
     counts = np.arange(17)[None]
     pixels = count_pixels(counts, sensor, None)
     np.testing.assert_array_equal(equivalent_counts(pixels, Jot(0.5, 0.2), 16, None), counts)
+
+
+@pytest.mark.parametrize(
+    ("kernel", "oversampling"),
+    [(kernel, number) for kernel in ("linear", "quadratic", "cubic") for number in (1, 2, 3)],
+)
+def test_the_warning_about_a_smooth_kernel_names_its_shift(kernel, oversampling):
+    sensor = jl.Sensor(kernel=kernel, oversampling=oversampling)
+    scene = np.zeros((9, 9))
+    scene[4, 4] = 1.0
+    rates = sensor.rate(scene)
+    places = np.arange(9 * oversampling) + 0.5
+    centers = [(rates.sum(axis) * places).sum() / rates.sum() for axis in (0, 1)]
+    shift = np.array(centers) - 4.5 * oversampling  # in jots
+    with pytest.warns(jl.JotlightWarning, match="assumes the box kernel") as caught:
+        jl.mle(sensor.expose(scene, rng=0))
+    is_named = "moves it half a jot down and right" in str(caught[0].message)
+    np.testing.assert_allclose(shift, 0.5 if is_named else 0.0, atol=1e-5)

@@ -15,7 +15,7 @@ from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import Array
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import KERNELS, Sensor
 from jotlight.sensing.values import flatten
 
 Counts = npt.NDArray[np.float32]
@@ -177,8 +177,12 @@ def intensity_from_probability(
 
 def warn_about_smooth_kernel(sensor: Sensor) -> None:
     """Warn if the kernel is smooth, for methods that assume the box kernel."""
-    if sensor.kernel != "box":
-        warn(
-            f"the light of a {sensor.kernel} kernel reaches neighboring pixels, which this method "
-            "does not model: it assumes the box kernel"
-        )
+    if sensor.kernel == "box":
+        return
+    # Decision 2: the center of a kernel can only move by whole jots.
+    is_moved = KERNELS.index(sensor.kernel) * sensor.oversampling % 2 == 1
+    moved = " and moves it half a jot down and right" if is_moved else ""
+    warn(
+        f"a {sensor.kernel} kernel spreads the light of a pixel over its neighbors{moved}, which "
+        "this method does not model: it assumes the box kernel"
+    )

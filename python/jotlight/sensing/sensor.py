@@ -72,7 +72,8 @@ class Sensor(Exposure, HasReadOnlyArrays):
         q: the minimum number of photons for which a jot reports 1, 1 to 65535: a number, one for
         each frame, or a map with one for each jot.
     kernel : {"box", "linear", "quadratic", "cubic"}
-        The B-spline that spreads a pixel's light. The box keeps it on the pixel's own jots.
+        The B-spline that spreads a pixel's light. The box keeps it on the pixel's own jots. If K̂ is
+        odd, "linear" and "cubic" also move it half a jot down and right: half a pixel if K̂ = 1.
     dark_counts : float or array_like of shape (H * K̂, W * K̂)
         d: the expected detections per jot and frame without light, 0 to 1e18, a number or a map.
     efficiency : float or array_like of shape (H * K̂, W * K̂)
@@ -105,8 +106,7 @@ class Sensor(Exposure, HasReadOnlyArrays):
 
     Notes
     -----
-    Paper, section 2.1, equations (2) and (3). The paper leaves out efficiency and dark counts,
-    which real sensors have.
+    Paper, section 2.1, equations (2) and (3), which leave out efficiency and dark counts.
 
     Examples
     --------
