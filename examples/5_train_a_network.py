@@ -33,7 +33,7 @@ network.save("5_train_a_network.safetensors")
 
 # %%
 # The upper row shows the cost, the gradient, and the tests during training. The lower row shows the
-# filters and the splines, which started as straight lines.
+# filters and the splines, which started as the Anscombe transform and its inverse.
 
 figure = training(network, history)
 figure.savefig("5_train_a_network.png")
