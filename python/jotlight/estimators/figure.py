@@ -33,19 +33,32 @@ def draw_psnr(
 def draw_snr(
     axes: "Axes", light: Array, frames: npt.NDArray[np.int64], snr: Array, bound: Array
 ) -> None:
-    """Draw the SNR of a pixel and its bound over the light, for some numbers of frames."""
-    shown = range(len(frames) - 1, -1, -max(1, len(frames) // (_MAX_CURVES - 1)))
-    style: dict[str, Any] = {"marker": "o"} if len(light) == 1 else {}
-    for place, row in enumerate(shown):
-        color = f"C{place}"
-        label = counted(frames[row], "frame")
-        axes.plot(light, snr[row], color=color, label=label, **style)
-        axes.plot(light, bound[row], color=color, linestyle=":", linewidth=1)
-    axes.set_xscale("log")
-    axes.set_xlabel("photons per jot and frame", color=QUIET)
-    axes.legend(fontsize=8, frameon=False)
+    """Draw the SNR of a pixel and its bound over the light, for some numbers of frames.
+
+    If there is one level of light, draw them over the number of frames.
+    """
+    if len(light) == 1:
+        _draw_with_bound(axes, frames, snr[:, 0], bound[:, 0], MARK, marker="o", markersize=4)
+        axes.set_xscale("log", base=2)
+        axes.set_xlabel("frames", color=QUIET)
+    else:
+        shown = range(len(frames) - 1, -1, -max(1, len(frames) // (_MAX_CURVES - 1)))
+        for place, row in enumerate(shown):
+            label = counted(frames[row], "frame")
+            _draw_with_bound(axes, light, snr[row], bound[row], f"C{place}", label=label)
+        axes.set_xscale("log")
+        axes.set_xlabel("photons per jot and frame", color=QUIET)
+        # Beside the axes, where no curve can be.
+        axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     axes.grid(alpha=0.3)
     set_title(axes, "SNR of a pixel, dB (dotted: Cramér-Rao bound)")
+
+
+def _draw_with_bound(
+    axes: "Axes", x: npt.NDArray[Any], snr: Array, bound: Array, color: str, **style: Any
+) -> None:
+    axes.plot(x, snr, color=color, **style)
+    axes.plot(x, bound, color=color, linestyle=":", linewidth=1)
 
 
 def draw_map(axes: "Axes", values: npt.NDArray[np.floating], title: str) -> None:
