@@ -106,7 +106,7 @@ def train(
         The trained network. Its `history` holds settings and records of the run.
     history : History
         Cost, gradient norm, and test PSNR of each step. The last record belongs to the result, so
-        there is one more record than steps. Its `step` is the number of steps that were taken.
+        there is one more record than steps. ``history.steps[-1]`` steps were taken.
 
     Raises
     ------
@@ -131,8 +131,8 @@ def train(
     >>> sensor = jl.Sensor(oversampling=3)
     >>> start = jl.Network.initial(sensor)
     >>> trained, history = jl.train(start, jl.datasets.uniform_scenes, steps=3, batch=16, rng=0)
-    >>> bool(history.loss[-1] < history.loss[0])
-    True
+    >>> int(history.steps[-1]), bool(history.loss[-1] < history.loss[0])
+    (3, True)
     """
     require_network(
         "network", network, Network, "jotlight.train(jotlight.Network.initial(sensor), images)"
