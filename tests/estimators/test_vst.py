@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binom
 
 import jotlight as jl
 from reference import methods
@@ -238,3 +239,15 @@ def test_the_exact_inverse_is_unbiased_for_rare_ones_and_zeros(bits):
         rounding = 0 if is_one else 1e-7 * bits + 0.01 * np.sqrt(mean * bits) / np.sqrt(bits)
         expected = mean if is_one else bits - mean
         assert (abs(found - expected) <= 0.003 + 0.002 * mean + rounding).all()
+
+
+@pytest.mark.parametrize(
+    ("bits", "share", "noise"),
+    [(16, 0.12, 0.48), (16, 0.03, 0.34), (1, 0.5, 0.37), (2, 0.5, 0.46), (3, 0.5, 0.49)],
+)
+def test_the_noise_of_few_bits_and_of_rare_ones_is_as_documented(bits, share, noise):
+    counts = np.arange(bits + 1)
+    values = jl.vst.anscombe(counts, bits)
+    weights = binom.pmf(counts, bits, share)
+    assert round(np.sqrt(np.cov(values, aweights=weights, ddof=0)), 2) == noise
+    assert noise < jl.vst.NOISE

@@ -1,7 +1,8 @@
 """Variance stabilization of counts: equations (6) and (7), and the exact unbiased inverse.
 
 After :func:`anscombe` the noise of a count is close to normal with standard deviation
-:data:`NOISE`, unless nearly all bits are equal. Any denoiser for white Gaussian noise then applies.
+:data:`NOISE`, unless nearly all bits are equal, or K is below 4. Any denoiser for white
+Gaussian noise then applies.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ NOISE = 0.5
 """The standard deviation of the noise after :func:`anscombe`.
 
 It is smaller where nearly all bits are 0 or nearly all are 1. At K = 16, it is 0.48 where 12 % of
-the bits are 1, and 0.35 where 3 % are.
+the bits are 1, and 0.34 where 3 % are. For K below 4, it is smaller everywhere: where half of the
+bits are 1, it is 0.37 for K = 1, 0.46 for K = 2, and 0.49 for K = 3.
 """
 
 INVERSES = ("exact", "algebraic")
