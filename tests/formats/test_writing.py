@@ -107,6 +107,8 @@ def test_masked_counts_are_refused(tmp_path):
 def test_a_name_that_implies_no_format_is_refused(tmp_path):
     with pytest.raises(ValueError, match="this name implies no single format"):
         jl.save(BITS, tmp_path / "capture.bin")
+    with pytest.raises(ValueError, match=r"add an ending, such as \.npy, or pass format="):
+        jl.save(BITS, tmp_path / "capture")
     assert not list(tmp_path.iterdir())
 
 

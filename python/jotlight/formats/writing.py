@@ -59,8 +59,9 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
     if name is None and len(candidates) == 1:
         return candidates[0]
     if name is None:
+        ending = "" if extension else "add an ending, such as .npy, or "
         raise ValueError(
-            f"{path}: this name implies no single format; pass format= (--to): "
+            f"{path}: this name implies no single format; {ending}pass format= (--to): "
             f"{', '.join(candidates)}"
         )
     if name not in candidates:
