@@ -128,6 +128,12 @@ def test_numbers_for_measurements_are_not_clipped(tmp_path, name):
     ("image", "options", "error", "message"),
     [
         (np.zeros((2, 3, 4)), {}, ValueError, r"\(H, W, 3\), got .*; jotlight\.save_film writes"),
+        (
+            np.zeros((8, 9, 4)),
+            {},
+            ValueError,
+            r"; if the fourth .* pass image\[\.\.\., :3\]$",
+        ),
         (np.zeros(5), {}, ValueError, "expected shape"),
         (np.zeros((0, 5)), {}, ValueError, "expected shape"),
         ([["a"]], {}, TypeError, "array of numbers"),

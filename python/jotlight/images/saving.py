@@ -233,6 +233,8 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
         values = values[..., 0]
     if not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)) or values.size == 0:
         advice = "; jotlight.save_film writes a stack of images" if values.ndim in (3, 4) else ""
+        if looks_like_color(values.shape) and values.shape[-1] == 4:
+            advice = "; if the fourth channel is transparency, pass image[..., :3]"
         if values.ndim == 3 and len(values) in (1, 3):
             advice += "; if the first axis holds channels, pass np.moveaxis(image, 0, -1)"
         raise ValueError(f"image: expected shape (H, W) or (H, W, 3), got {values.shape}{advice}")
