@@ -152,3 +152,17 @@ def test_bright_light_is_not_reported():
     SENSOR.expose(np.where(IMAGE > 0.6, 200 * IMAGE, IMAGE), rng=0)
     SENSOR.expose(np.full((4, 4), 9.0), rng=0)
     SENSOR.expose(np.full((4, 4), 1e6), rng=0)
+
+
+def test_a_channel_that_looks_like_transparency_is_warned_about():
+    sensor = jl.Sensor(frames=2)
+    image = np.random.default_rng(0).random((4, 6, 8, 5))
+    sensor.expose(image, rng=0, channel_axis=1)
+    sensor.expose(np.ones((4, 8, 5)), rng=0, channel_axis=0)
+    image[:, 3, :, :] = 1.0
+    sensor.expose(image, rng=0, channel_axis=1)  # six channels
+    opaque = image[:, :4]
+    opaque[0, 3, 5, 3] = 0.5
+    sensor.expose(opaque, rng=0, channel_axis=1)
+    with pytest.warns(jl.JotlightWarning, match=r"1 everywhere, .* pass image\[\.\.\., :3\]"):
+        sensor.expose(opaque[1:], rng=0, channel_axis=1)

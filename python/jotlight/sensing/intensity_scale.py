@@ -1,4 +1,4 @@
-"""The warning about images whose values are not intensities, such as the gray levels of a file."""
+"""Warnings about images whose values are not intensities: levels of a file, and transparency."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -93,3 +93,22 @@ def gray_levels(images: Sequence[npt.NDArray[Any]], max_intensity: float) -> Gra
     pixels = sum(image.size for image in images)
     is_bright = 2 * sum(np.count_nonzero(image > limit) for image in bright) > pixels
     return GrayLevels(highest, level, False) if is_bright else None
+
+
+def warn_about_transparency(name: str, image: npt.NDArray[Any]) -> None:
+    """Warn if the last of four channels, (..., H, W, 4), looks like transparency.
+
+    That of an opaque image is 1 everywhere, and its colors are not.
+
+    Examples
+    --------
+    >>> warn_about_transparency("image", np.ones((2, 3, 3)))
+    """
+    # In most images, the first pixel decides.
+    if image.shape[-1] != 4 or image[..., 3].flat[0] != 1 or not (image[..., 3] == 1).all():
+        return
+    if not (image[..., :3] == 1).all():
+        warn(
+            f"{name}: the last of its four channels is 1 everywhere, as the transparency of an "
+            f"opaque image is; if it holds no light, pass {name}[..., :3]"
+        )

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from jotlight.checks import as_image, check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.layout import Layout
-from jotlight.sensing.intensity_scale import warn_about_scale
+from jotlight.sensing.intensity_scale import warn_about_scale, warn_about_transparency
 from jotlight.sensing.output_images import OutputImages, check_out
 from jotlight.sensing.sensor_like import SensorLike
 from jotlight.sensing.slices import require_slice
@@ -126,6 +126,8 @@ def checked_images(
     height, width = (size * sensor.oversampling for size in sizes)
     sensor.check_map_shapes(height, width)
     warn_about_scale("image", [pixels], sensor.max_intensity)
+    if layout.channel_axis is not None:
+        warn_about_transparency("image", np.moveaxis(pixels, layout.channel_axis, -1))
     return pixels, layout
 
 
