@@ -11,6 +11,7 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
+from jotlight import JotlightWarning
 from jotlight.formats import limits
 from jotlight.images.io import image_writer, read_image
 
@@ -152,7 +153,8 @@ def test_transparency_of_a_16_bit_png_is_dropped(tmp_path):
     with path.open("wb") as file:
         writer = png.Writer(5, 4, greyscale=False, alpha=True, bitdepth=16)
         writer.write(file, values.reshape(4, -1))
-    assert np.allclose(read_image(path), values[..., :3] / 65535, atol=1e-6)
+    with pytest.warns(JotlightWarning, match=r"a\.png: 20 of 20 pixels are transparent"):
+        assert np.allclose(read_image(path), values[..., :3] / 65535, atol=1e-6)
     path.write_bytes(path.read_bytes()[:60])
     with pytest.raises(ValueError, match=r"a\.png: the image cannot be read \(it is truncated"):
         read_image(path)
@@ -195,8 +197,41 @@ def test_significant_bits_do_not_change_the_scale(tmp_path):
 
 def test_gray_with_transparency_keeps_its_16_bits(tmp_path):
     path = tmp_path / "a.png"
-    png16(path, VALUES[..., :2], greyscale=True, alpha=True)
+    values = VALUES[..., :2].copy()
+    values[..., 1] = 65535
+    png16(path, values, greyscale=True, alpha=True)
     assert np.allclose(read_image(path), VALUES[..., 0] / 65535, atol=1e-6)
+
+
+COLORS = np.random.default_rng(0).integers(0, 256, (4, 5, 3), dtype=np.uint8)
+
+
+def write_transparent(path, alpha):
+    """Write an image with transparency in the format of its ending."""
+    if path.suffix == ".exr":
+        OpenEXR = pytest.importorskip("OpenEXR")
+        pixels = np.dstack([COLORS, alpha]).astype(np.float32) / 255
+        OpenEXR.File({}, {"RGBA": pixels}).write(str(path))
+    elif path.suffix == ".tif":
+        options = {"photometric": "rgb", "extrasamples": ["unassalpha"]}
+        tifffile.imwrite(path, np.dstack([COLORS, alpha]), **options)
+    elif path.name == "gray.png":
+        Image.fromarray(np.dstack([COLORS[..., 0], alpha]), "LA").save(path)
+    else:
+        Image.fromarray(np.dstack([COLORS, alpha])).save(path)
+
+
+@pytest.mark.parametrize("name", ["a.png", "gray.png", "a.tif", "a.exr"])
+def test_transparent_pixels_are_warned_about(tmp_path, name):
+    expected = COLORS[..., 0] / 255 if name == "gray.png" else COLORS / 255
+    alpha = np.full((4, 5), 255, np.uint8)
+    write_transparent(tmp_path / name, alpha)
+    np.testing.assert_allclose(read_image(tmp_path / name), expected, atol=1e-6)
+    alpha[1, 2:4] = 0, 128
+    write_transparent(tmp_path / name, alpha)
+    with pytest.warns(JotlightWarning, match=f"{name}: 2 of 20 pixels are transparent"):
+        image = read_image(tmp_path / name)
+    np.testing.assert_allclose(image, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -246,7 +281,9 @@ def test_exr_reads_back(tmp_path, image):
     assert again.dtype == np.float32
     np.testing.assert_array_equal(again, (100 * image).astype(np.float32))
     half = np.ascontiguousarray(image, np.float16)
-    names = {"Y": half} if image.ndim == 2 else {"RGBA": np.dstack([half, half[..., :1]])}
+    names = (
+        {"Y": half} if image.ndim == 2 else {"RGBA": np.dstack([half, np.ones_like(half[..., :1])])}
+    )
     header = {"compression": exr.PIZ_COMPRESSION, "type": exr.scanlineimage}
     exr.File(header, names).write(str(tmp_path / "half.exr"))
     np.testing.assert_array_equal(read_image(tmp_path / "half.exr"), half.astype(np.float32))

@@ -20,13 +20,16 @@ def test_colors_that_are_stored_apart_are_channels(tmp_path):
 @pytest.mark.parametrize(("kind", "channels"), [("unassalpha", 1), ("unspecified", 2)])
 def test_only_transparency_is_dropped_of_two_channels(tmp_path, kind, channels):
     options = {"photometric": "minisblack", "planarconfig": "contig", "extrasamples": [kind]}
-    tifffile.imwrite(tmp_path / "a.tif", LEVELS[..., :2], **options)
-    expected = LEVELS[..., :channels].squeeze() / 255
+    levels = LEVELS[..., :2].copy()
+    levels[..., 1] = 255
+    tifffile.imwrite(tmp_path / "a.tif", levels, **options)
+    expected = levels[..., :channels].squeeze() / 255
     np.testing.assert_allclose(read_image(tmp_path / "a.tif"), expected, atol=1e-6)
 
 
-def test_two_channels_are_written_and_read(tmp_path):
-    image = LEVELS[..., :2].astype(np.float32)
+@pytest.mark.parametrize("channels", [2, 4])
+def test_two_and_four_channels_are_written_and_read(tmp_path, channels):
+    image = np.random.default_rng(0).random((6, 7, channels), np.float32)
     image_writer(tmp_path / "a.tif")(tmp_path / "a.tif", image)
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image)
     stack_writer(tmp_path / "b.tif")(tmp_path / "b.tif", {"low": image, "high": image + 1})

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
+
 FloatImage = npt.NDArray[np.floating[Any]]
 """An image (H, W) or (H, W, 3) of floats, in any precision."""
 
@@ -19,6 +21,29 @@ def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     (2, 3)
     """
     return np.asarray(image @ np.array([0.299, 0.587, 0.114]))
+
+
+def drop_transparency(path: Path, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return an image (H, W, C) without its last channel, transparency, which may warn.
+
+    Examples
+    --------
+    >>> drop_transparency(Path("a.png"), np.ones((2, 3, 4))).shape
+    (2, 3, 3)
+    """
+    warn_about_transparent_pixels(path, image[..., -1])
+    return image[..., :-1]
+
+
+def warn_about_transparent_pixels(path: Path, alpha: npt.NDArray[Any]) -> None:
+    """Warn if a channel of transparency, which is dropped, contains pixels that are not opaque."""
+    opaque = np.iinfo(alpha.dtype).max if alpha.dtype.kind in "iu" else 1
+    number = np.count_nonzero(alpha < opaque)
+    if number:
+        warn(
+            f"{path}: {number} of {alpha.size} pixels are transparent; the transparency is "
+            "dropped, so they have the colors that the file stores below it"
+        )
 
 
 def fit_channels(path: Path, image: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
 from jotlight.formats.limits import check_claimed_size
+from jotlight.images.color import warn_about_transparent_pixels
 from jotlight.output_files import described_error
 
 
@@ -51,6 +52,8 @@ def read_exr(path: Path) -> npt.NDArray[np.float32]:
             channels = {name: channel.pixels for name, channel in file.channels().items()}
     except Exception as error:  # any type: OpenEXR raises RuntimeError and others
         raise ValueError(f"{path}: the EXR file cannot be read ({error})") from error
+    if "A" in names:
+        warn_about_transparent_pixels(path, np.asarray(channels["A"], np.float32))
     if "Y" in names:
         return np.asarray(channels["Y"], np.float32)
     return np.stack([np.asarray(channels[name], np.float32) for name in "RGB"], axis=-1)

@@ -21,7 +21,7 @@ from jotlight.formats.images.png_chunks import GRAYSCALE
 from jotlight.formats.images.png_notes import KEYWORD, read_png_note
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.limits import check_claimed_size
-from jotlight.images.color import FloatImage, fit_channels, luma
+from jotlight.images.color import FloatImage, fit_channels, luma, warn_about_transparent_pixels
 from jotlight.images.exr import check_exr, read_exr, read_exr_comments, write_exr
 from jotlight.images.png import checked_png, read_png16, write_png16
 from jotlight.images.tiff import read_tiff, write_tiff
@@ -63,8 +63,8 @@ def read_image(
     -------
     ndarray of float32 or float64, shape (H, W) or (H, W, 3)
         Intensities. Transparency is dropped, and the EXIF orientation is applied. The channels of a
-        `.npy` have no meaning, so all of them are returned, (H, W, C). So are other numbers of
-        channels of a TIFF, stacks of images in both, and floats that are not finite.
+        `.npy` have no meaning, so all of them are returned, (H, W, C). So are other channels of a
+        TIFF, stacks of images in both, and floats that are not finite.
 
     Raises
     ------
@@ -72,6 +72,11 @@ def read_image(
         If the file cannot be read, holds no image, or its scale is unknown.
     MissingExtraError
         If `.exr` needs the package OpenEXR.
+
+    Warns
+    -----
+    JotlightWarning
+        When pixels are transparent.
 
     Examples
     --------
@@ -152,8 +157,10 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
             check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
             if png is not None and png.depth == 16 and png.color_type != GRAYSCALE:
                 orientation = file.getexif().get(_ORIENTATION, 1)
-                return _upright(read_png16(stream), orientation), 65535.0
+                return _upright(read_png16(path, stream), orientation), 65535.0
             image = ImageOps.exif_transpose(file)
+            if image.has_transparency_data:
+                warn_about_transparent_pixels(path, np.asarray(image.convert("RGBA"))[..., 3])
             if image.mode in ("I;16", "I;16B", "I"):
                 return np.asarray(image).astype(np.int32), 65535.0
             if image.mode == "F":

@@ -3,6 +3,7 @@
 import io
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from jotlight.formats.images.png_chunks import SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.png_notes import KEYWORD
+from jotlight.images.color import drop_transparency
 from jotlight.output_files import OutputFile
 
 
@@ -25,7 +27,7 @@ def checked_png(stream: BinaryIO) -> PngHeader | None:
     return header
 
 
-def read_png16(stream: BinaryIO) -> npt.NDArray[np.uint16]:
+def read_png16(path: Path, stream: BinaryIO) -> npt.NDArray[np.uint16]:
     """Return a 16-bit PNG with transparency or color, which Pillow reduces to 8 bits."""
     import png
 
@@ -33,7 +35,9 @@ def read_png16(stream: BinaryIO) -> npt.NDArray[np.uint16]:
     width, height, rows, info = png.Reader(file=stream).read()
     values = np.array([np.asarray(row, np.uint16) for row in rows])
     values = values.reshape(height, width, info["planes"])
-    return values[..., 0] if info["planes"] == 2 else values[..., :3]
+    if info["alpha"]:
+        values = drop_transparency(path, values)
+    return values[..., 0] if values.shape[2] == 1 else values
 
 
 def write_png16(

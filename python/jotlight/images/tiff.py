@@ -12,6 +12,7 @@ from jotlight.formats.images.tiff_directories import move_samples_last, open_che
 from jotlight.formats.images.tiff_layout import ALPHA
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.limits import check_claimed_size
+from jotlight.images.color import drop_transparency
 from jotlight.output_files import OutputFile
 
 
@@ -23,6 +24,8 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     ValueError
         When the file claims more than it holds, or is damaged.
     """
+    import tifffile
+
     try:
         with open_checked_tiff(path) as file:
             series = file.series[0]
@@ -32,12 +35,13 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
                 check_segments(file, page)
             array = move_samples_last(np.asarray(series.asarray()), series.axes)
             has_alpha = bool(set(ALPHA) & set(series.keyframe.extrasamples))
+            # Some programs do not mark the transparency of colors.
+            has_alpha |= series.keyframe.photometric == tifffile.PHOTOMETRIC.RGB
     except Exception as error:  # any type: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
-    if array.ndim == 3 and array.shape[2] == 4:  # transparency
-        array = array[..., :3]
-    elif array.ndim == 3 and array.shape[2] == 2 and has_alpha:
-        array = array[..., 0]
+    if has_alpha and array.ndim == 3 and array.shape[2] in (2, 4):
+        array = drop_transparency(path, array)
+        array = array[..., 0] if array.shape[2] == 1 else array
     return array, 255.0 if array.dtype == np.uint8 else None
 
 
