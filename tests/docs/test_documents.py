@@ -90,7 +90,7 @@ def page_cases() -> Iterator[object]:
     """Yield a test case per page. Pages that run commands or PyTorch, and long ones, are slow."""
     for page in PAGES:
         is_slow = bool(blocks(page, "sh")) or "import torch" in page.read_text("utf-8")
-        is_slow |= page.name in ("brackets.md", "color.md", "which_sensor.md")
+        is_slow |= page.name in ("brackets.md", "color.md", "networks.md", "which_sensor.md")
         name = str(page.relative_to(ROOT))
         yield pytest.param(page, id=name, marks=[pytest.mark.slow] if is_slow else [])
 

@@ -141,7 +141,7 @@ def merge(
             )
             motion, consistent = found.motion, found.consistent
             update(_ALIGNING, "merging")
-        check_motion(motion, bursts[0][0].size, len(data))
+        motion.check_frames(bursts[0][0].size, len(data))
         if at is not None and reference_time(at, data) != motion.reference:
             motion, consistent = motion.seen_from(at), None
         time = motion.reference
@@ -227,25 +227,6 @@ def paths_along(
     edges = block_edges(len(burst)) if edges is None else edges
     blocks = as_blocks(burst, edges, sensor, threads, with_hot_jots=is_still)
     return as_paths(motion, blocks)
-
-
-def check_motion(motion: Motion, size: tuple[int, int], frames: int) -> None:
-    """Raise ValueError unless a motion is that of some frames of a size in jots."""
-    if motion.size != size:
-        raise ValueError(
-            f"motion: expected that of {size[0]} x {size[1]} jots, got "
-            f"{motion.size[0]} x {motion.size[1]}"
-        )
-    last, (first, end) = frames - 1, motion.times[[0, -1]]
-    margin = float(np.diff(motion.times).max())
-    # The motion of a single frame has two times, too.
-    if first < 0 or first > margin or end > max(last, 1) or end < last - margin:
-        if 0 <= first <= margin:  # the center of the first block, and the last is as long
-            first, end = 0.0, end + first
-        raise ValueError(
-            f"motion: expected that of frames 0 to {last}, got that of frames {first:g} to {end:g};"
-            " leave out motion= (--motion-file) to align these frames"
-        )
 
 
 def check_upsample(upsample: int, sensor: Sensor) -> None:

@@ -218,6 +218,24 @@ class Motion(HasReadOnlyArrays):
         """
         return choose(self.labels, [interpolate(nodes, self.size) for nodes in self.nodes_at(time)])
 
+    def check_frames(self, size: tuple[int, int], frames: int) -> None:
+        """Raise ValueError unless the motion is that of a number of frames of a size in jots."""
+        if self.size != size:
+            raise ValueError(
+                f"motion: expected that of {size[0]} x {size[1]} jots, got "
+                f"{self.size[0]} x {self.size[1]}"
+            )
+        last, (first, end) = frames - 1, self.times[[0, -1]]
+        margin = float(np.diff(self.times).max())
+        # The motion of a single frame has two times, too.
+        if first < 0 or first > margin or end > max(last, 1) or end < last - margin:
+            if 0 <= first <= margin:  # the center of the first block, and the last is as long
+                first, end = 0.0, end + first
+            raise ValueError(
+                f"motion: expected that of frames 0 to {last}, got that of frames {first:g} to "
+                f"{end:g}; leave out motion= (--motion-file) to align these frames"
+            )
+
     def seen_from(self, time: float) -> Motion:
         """Return the same motion as seen from another reference time.
 

@@ -109,6 +109,7 @@ def test_where_the_motion_is_rejected_counts_and_last_image_stand_still(shaken):
     np.testing.assert_allclose(planes[6] + planes[8] + np.pi / 4, z, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_each_image_reads_the_one_before(shaken):
     bits, images = shaken
     estimates = FilmEstimates(INITIAL)
