@@ -9,6 +9,9 @@ import jotlight as jl
 from jotlight.metrics import psnr
 from jotlight.networks import color_inference
 from jotlight.networks.color_inference import _local_trials, _run, _weights
+from jotlight.networks.color_planes import DEVIATIONS, PLANES, START
+from jotlight.networks.planes_layers import CENTER
+from jotlight.sensing.binomial import squared_sine
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.sensor import Sensor
 
@@ -49,11 +52,23 @@ def test_the_network_runs_at_levels_that_fit_the_trials_of_each_pixel():
     np.testing.assert_array_equal(found[:, :, 20:], 32)
 
 
-def test_all_trials_beyond_the_range_of_the_network_are_one_level():
-    network: Any = _States()
-    planes: Any = float
-    _run(network, planes, np.linspace(64, 5000, 320, dtype=np.float32).reshape(8, 40), None)
-    assert network.levels == [64]
+@pytest.mark.parametrize(("trials", "gain"), [(32, 1), (64, 1), (256, 2), (6400, 10)])
+def test_deviations_have_the_noise_of_the_largest_number_of_trials_of_the_network(trials, gain):
+    seen = []
+
+    class Follower(_States):
+        """A network whose colors follow the deviations."""
+
+        def estimate_probability(self, planes: Any, trials: float, *, threads: int | None) -> Any:
+            seen.append(planes[0, 0, 0])
+            return squared_sine(planes[START] + np.float32(CENTER) + planes[:3])
+
+    planes = np.zeros((PLANES, 8, 40), np.float32)
+    planes[DEVIATIONS], planes[START] = 0.01, -0.2
+    network: Any = Follower()
+    found = _run(network, lambda _: planes.copy(), trials, None)
+    assert seen[0] == pytest.approx(0.01 * gain)
+    np.testing.assert_allclose(found, squared_sine(np.full((3, 8, 40), CENTER - 0.19)), rtol=1e-5)
 
 
 def test_the_local_trials_of_channels_are_their_mean():

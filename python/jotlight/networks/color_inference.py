@@ -15,9 +15,11 @@ from jotlight.estimators.trial_levels import (
     share_levels,
 )
 from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.color_planes import Filtered, color_planes
+from jotlight.networks.color_planes import DEVIATIONS, START, Filtered, color_planes
 from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.network import Network
+from jotlight.networks.planes_layers import CENTER
+from jotlight.sensing.binomial import arcsin_root, squared_sine
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import PixelCounts
@@ -186,14 +188,27 @@ def _run(network: ColorNetwork, planes: _Planes, trials: LocalTrials, threads: i
     A network is for one number of trials, so it runs at some levels of their map.
     """
     if isinstance(trials, int):
-        return network.estimate_probability(planes(trials), trials, threads=threads)
-    # Above its range, the network has the same parameters at all levels.
-    trials = np.minimum(trials, np.float32(network.trials_range[1]))
+        return _improve(network, planes(trials), trials, threads)
     found = np.zeros((3, *trials.shape), np.float32)
     for level, [(_, weights)] in share_levels([trials]):
-        part = network.estimate_probability(planes(level), level, threads=threads)
+        part = _improve(network, planes(level), level, threads)
         found += part if weights is None else weights * part
     return found
+
+
+def _improve(network: ColorNetwork, planes: Image, trials: int, threads: int | None) -> Image:
+    """Return P(b = 1) of each color, (3, H, W), by a network for one number of trials.
+
+    Above its range, the deviations of the bits from the classical colors are amplified until their
+    noise is that of its largest number of trials. They change these colors by that much less.
+    """
+    gain = np.sqrt(np.float32(max(1, trials / network.trials_range[1])))
+    if gain == 1:
+        return network.estimate_probability(planes, trials, threads=threads)
+    start = planes[START] + np.float32(CENTER)
+    planes[DEVIATIONS] *= gain
+    found = arcsin_root(network.estimate_probability(planes, trials, threads=threads))
+    return squared_sine(start + (found - start) / gain)
 
 
 def _weights(counted: PixelCounts, trials: float) -> Array:

@@ -26,6 +26,9 @@ Image = npt.NDArray[np.float32]
 PLANES = 11
 """Number of planes."""
 
+DEVIATIONS = slice(0, 4)
+"""The planes of the deviations of the bits from the classical estimate."""
+
 START = slice(8, 11)
 """The planes of the classical estimate."""
 
