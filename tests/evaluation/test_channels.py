@@ -137,12 +137,12 @@ def test_equivalent_counts_have_colors_too(parameters):
     assert psnr(found, SCENE, data_range=1.0) > 0.2 + psnr(gray, SCENE, data_range=1.0)
 
 
-def test_more_trials_than_the_limit_have_gray_estimates():
+def test_counts_may_have_more_trials_than_their_sensor():
     counts = np.full((8, 8, 3), 600)
     _, info = jl.reconstruct(
         counts, jl.Sensor(frames=4), channel_axis=-1, trials=2000, return_info=True
     )
-    assert info.method == "network-medium"
+    assert info.method == "network-color"
 
 
 @pytest.mark.slow

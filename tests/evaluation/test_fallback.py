@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.held_out import NAMES, held_out
+from jotlight.evaluation.held_out import COLORS_NAME, NAMES, held_out
 from jotlight.networks.pretrained import pretrained_conditional
 
 SENSOR = jl.Sensor(frames=16)
@@ -36,6 +36,34 @@ def test_a_photograph_keeps_the_estimate_of_the_network():
     estimate, info = reconstruct(PHOTOGRAPH, fallback=True)
     assert info.shares["network"] > 0.6
     assert jl.metrics.psnr(estimate, PHOTOGRAPH) > jl.metrics.psnr(plain, PHOTOGRAPH) - 0.1
+
+
+COFFEE = jl.datasets.photograph("coffee")[:64, 180:244].astype(float)
+
+
+@pytest.mark.parametrize("mosaic", [None, "RGBW"])
+def test_colors_fall_back_from_the_color_network(mosaic):
+    sensor = jl.Sensor(frames=16, mosaic=mosaic)
+    bits = sensor.expose(COFFEE, rng=0, channel_axis=-1 if mosaic is None else None)
+    plain, without = jl.reconstruct(bits, return_info=True)
+    estimate, info = jl.reconstruct(bits, fallback=True, return_info=True)
+    assert (info.method, info.reason) == (without.method, without.reason)
+    assert info.method == "network-color"
+    assert list(info.shares) == [COLORS_NAME, *NAMES]
+    assert info.shares[COLORS_NAME] > 0.5
+    assert jl.metrics.psnr(estimate, COFFEE) > jl.metrics.psnr(plain, COFFEE) - 0.2
+    assert estimate.shape == plain.shape
+
+
+def test_colors_unlike_photographs_fall_back_to_the_bits():
+    image = CHECKERBOARD[:64, :64, None] * np.array([1.0, 0.5, 0.2])
+    bits = jl.Sensor(frames=64).expose(image, rng=0, channel_axis=-1)
+    plain, (estimate, info) = (
+        jl.reconstruct(bits),
+        jl.reconstruct(bits, fallback=True, return_info=True),
+    )
+    assert info.shares["maximum likelihood"] > 0.2
+    assert jl.metrics.psnr(estimate, image) > jl.metrics.psnr(plain, image)
 
 
 @pytest.mark.slow

@@ -7,7 +7,8 @@ import jotlight as jl
 from jotlight.evaluation import held_out as held_out_module
 from jotlight.evaluation.choice import choose_method
 from jotlight.evaluation.held_out import held_out
-from jotlight.evaluation.methods import BLEND_METHOD, MAX_NETWORK_TRIALS, METHODS
+from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
+from jotlight.evaluation.methods import BLEND_METHOD, METHODS
 
 PHOTOGRAPH = jl.datasets.photograph("camera", gray=True)[100:292, 150:342]
 PARTS = "network-medium", "admm-tv", "mle"

@@ -153,7 +153,8 @@ def test_the_images_of_a_stack_are_estimated_one_by_one(name, run):
 
 
 def test_counts_have_a_stack_and_channels(name, run):
-    counts = np.random.default_rng(9).integers(0, SENSOR.trials + 1, (2, SIZE, SIZE, 3))
+    # Of three channels, "held-out" estimates all together.
+    counts = np.random.default_rng(9).integers(0, SENSOR.trials + 1, (2, SIZE, SIZE, 4))
     estimates = run(counts, SENSOR, channel_axis=-1)
     assert estimates.shape == counts.shape
     assert_same(name, estimates[1, ..., 2], run(counts[1, ..., 2], SENSOR))

@@ -23,7 +23,11 @@ NETWORK = jl.pretrained(GRAY, "two-layer")
         ({"demosaicing": "differences"}, MOSAIC, True, "network-medium"),
         ({}, MOSAIC.replace(frames=2000), True, "held-out"),
         ({}, GRAY.replace(frames=2000), True, "held-out"),
-        ({"fallback": True}, GRAY, True, "network-medium"),
+        ({"fallback": True}, GRAY, False, "network-medium"),
+        ({"fallback": True}, GRAY, True, "network-color"),
+        ({"fallback": True}, MOSAIC, True, "network-color"),
+        ({"fallback": True, "demosaicing": "differences"}, MOSAIC, True, "network-medium"),
+        ({"demosaicing": "network"}, MOSAIC.replace(frames=2000), True, "network-color"),
         ({"quality": "small"}, MOSAIC, True, "network-small"),
         ({"options": {"weight": 2.0}}, GRAY, True, "admm-tv"),
         ({"method": NETWORK}, GRAY, True, "network"),
@@ -39,6 +43,7 @@ def test_the_method_of_a_request(settings, sensor, takes_colors, expected):
     assert named.quality is None
     again = named.choose(sensor, takes_colors=takes_colors)
     assert (again.method, again.quality) == (choice.method, choice.quality)
+    assert again.is_color == choice.is_color
 
 
 @pytest.mark.parametrize(

@@ -32,11 +32,21 @@ def named(name):
     ],
 )
 def test_weights_of_pretrained_networks(mosaic, method, quality, files):
-    found = weights_sha256(jl.Sensor(frames=16, mosaic=mosaic), method, quality)
+    sensor = jl.Sensor(frames=16, mosaic=mosaic)
+    found = weights_sha256(sensor, method, quality, is_color=method == "network-color")
     if len(files) == 2:
         assert found == sorted(map(file_checksum, files))
     else:
         assert found == (file_checksum(files[0]) if files else None)
+
+
+@pytest.mark.parametrize(("mosaic", "own"), [(None, CHANNELS_FILE), ("RGGB", MOSAIC_FILE)])
+def test_a_blend_for_colors_has_the_weights_of_the_color_network_and_of_medium(mosaic, own):
+    sensor = jl.Sensor(frames=16, mosaic=mosaic)
+    expected = sorted(map(file_checksum, [own, LARGE, named("medium")]))
+    assert weights_sha256(sensor, "held-out", None, is_color=True) == expected
+    options = {"is_color": True, "is_conditional": True}
+    assert weights_sha256(sensor, "network-color", None, **options) == expected
 
 
 def test_a_network_that_falls_back_is_conditional():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.pixel_counts import gray_images, prepare_data
+from jotlight.layout import Layout
+from jotlight.sensing.pixel_counts import GrayImages, gray_images, prepare_data
 
 SENSOR = jl.Sensor(oversampling=2, frames=5)
 IMAGES = np.random.default_rng(0).random((3, 6, 8))
@@ -136,3 +137,10 @@ def test_images_of_different_sizes_and_sensors_are_refused():
         jl.mle([small, large])
     with pytest.raises(ValueError, match="bits of the same sensor"):
         jl.mle([small, jl.Sensor(frames=3).expose(np.full((4, 4), 0.5), rng=0)])
+
+
+def test_parts_of_a_stack_keep_images_together():
+    images = GrayImages(np.zeros((12, 4, 4), np.int32), Layout((4, 3), -1))
+    sizes = [len(part) for part in images.parts(jl.Sensor(), 7 * 16, together=3)]
+    assert sizes == [6, 6]
+    assert [len(part) for part in images.parts(jl.Sensor(), 16, together=3)] == [3, 3, 3, 3]

@@ -13,10 +13,10 @@ from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.choice import network_name, requested_method
 from jotlight.evaluation.color_data import check_demosaicing
+from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.evaluation.methods import (
     BLEND_METHOD,
     DEFAULT_METHOD,
-    MAX_NETWORK_TRIALS,
 )
 from jotlight.evaluation.request import Request
 from jotlight.networks.loading import load_image_network
@@ -42,8 +42,9 @@ class MethodOptions:
         bool,
         Parameter(
             negative=(),
-            help="Blend a network with total variation and maximum likelihood, with the weights "
-            "that make held-out bits most likely. It takes 10 to 30 times as long.",
+            help="Blend a network (for colors by default the color network and medium) with total "
+            "variation and maximum likelihood, with the weights that make held-out bits most "
+            "likely. It takes 10 to 30 times as long.",
         ),
     ] = False
     inverse: Annotated[

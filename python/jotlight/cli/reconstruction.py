@@ -22,7 +22,6 @@ from jotlight.errors import counted
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.convergence import ConvergenceHistories
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.clipping import with_clipping_of
 from jotlight.evaluation.color_data import takes_channels
 from jotlight.evaluation.info import Info
@@ -127,7 +126,7 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
     else:
         request, takes = without_demosaicing(request), takes_channels(gray_images(merged))
     choice = request.choose(job.captured.sensor, takes_colors=takes)
-    if choice.method != COLOR_NETWORK:
+    if not choice.is_color:
         return job
     own = {name: getattr(job.choice, name) for name in ("max_intensity", "notes")}
     return dataclasses.replace(job, choice=dataclasses.replace(choice, **own), request=request)

@@ -107,6 +107,7 @@ def origin_of(
             choice.quality,
             model=job.model,
             is_conditional=job.request.fallback,
+            is_color=choice.is_color,
         ),
         "calibration_sha256": calibration and calibration.sha256,
         "maps_sha256": maps_sha256(job.captured.sensor),

@@ -45,7 +45,7 @@ class Estimator:
     @property
     def is_color(self) -> bool:
         """Whether an image is estimated from several filters or channels together."""
-        return self.sensor.mosaic is not None or self.choice.method == COLOR_NETWORK
+        return self.sensor.mosaic is not None or self.choice.is_color
 
     @property
     def is_pixelwise(self) -> bool:
@@ -78,6 +78,7 @@ class Estimator:
             self.choice.quality,
             model=model,
             is_conditional=self.request.fallback,
+            is_color=self.choice.is_color,
         )
 
     def estimate_shape(self, shape: tuple[int, ...]) -> tuple[int, ...]:

@@ -2,9 +2,11 @@
 
 In reading order:
 
-- ``held_out`` with ``blend_weights``: the blend of several methods that suits the data.
+- ``held_out`` with ``blend_weights``: the blend of several methods that suits the data, and
+  ``mosaic_blend`` the same behind a mosaic. ``many_trials``: where it is recommended.
 - ``methods``: every method by name.
-- ``color_data``: what the color network takes. ``choice``: the method for some data.
+- ``color_data``: what the color network takes. ``color_images`` counts it, and estimates three
+  channels. ``choice``: the method for some data.
 - ``own_method``: functions of the caller as methods.
 - ``reconstruct``: an image by the recommended method, or by another one. ``request``: the method
   and its settings. ``run_choice`` runs the chosen method. ``info``: how an image was made.

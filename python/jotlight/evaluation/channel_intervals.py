@@ -8,7 +8,7 @@ import numpy as np
 from jotlight.errors import hide_warnings
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.channels import reconstruct_channels
+from jotlight.evaluation.color_images import reconstruct_channels
 from jotlight.evaluation.error_scale import Half, divide_bits, error_model
 from jotlight.evaluation.interval_pixels import Pixels
 from jotlight.evaluation.intervals import MIN_TRIALS

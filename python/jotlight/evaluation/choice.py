@@ -5,13 +5,12 @@ from collections.abc import Collection
 from typing import Any
 
 from jotlight.errors import counted, plural
-from jotlight.estimators.typical_trials import typical_trials
-from jotlight.evaluation.color_data import takes_sensor
+from jotlight.evaluation.color_data import BY_COLOR_NETWORK, takes_sensor
 from jotlight.evaluation.held_out import smooth_kernel_reason
+from jotlight.evaluation.many_trials import takes_blend, trials_of
 from jotlight.evaluation.methods import (
     BLEND_METHOD,
     DEFAULT_METHOD,
-    MAX_NETWORK_TRIALS,
     METHODS,
     OPTION_DEFAULTS,
     check_options,
@@ -104,6 +103,8 @@ class Choice:
     """What the method was recommended for, or None if the caller requested it."""
     notes: tuple[str, ...]
     """Assumptions to report."""
+    is_color: bool = False
+    """Whether the colors of an image are estimated together, by the color network or a blend."""
 
     @property
     def is_requested(self) -> bool:
@@ -132,6 +133,7 @@ def choose_method(
     network: AnyNetwork | None = None,
     is_range_known: bool = True,
     is_color: bool = False,
+    demosaicing: str | None = None,
     trials: float | None = None,
 ) -> Choice:
     """Return the method for some data: the requested one, or the best one for the sensor.
@@ -142,15 +144,18 @@ def choose_method(
         Sensor of the data.
     requested : str, optional
         Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
-        `DEFAULT_METHOD`, or `BLEND_METHOD` if K is above `MAX_NETWORK_TRIALS` and the kernel is the
-        box, or else `COLOR_NETWORK` for colors.
+        `DEFAULT_METHOD`, or `BLEND_METHOD` if :func:`takes_blend` is true, or else `COLOR_NETWORK`
+        for colors.
     network : Network or ColorNetwork, optional
         Network of the caller. It replaces the request.
     is_range_known : bool
         Whether the data or the user state the largest intensity S. Otherwise, with a box kernel, S
         rises to the saturation of the bits, if the method allows it.
     is_color : bool
-        Whether the data are colors that the caller can estimate by the color network.
+        Whether the data are colors that the caller can estimate together.
+    demosaicing : str, optional
+        How planes become colors, as of :func:`jotlight.reconstruct`. "network" is the color network
+        alone, also above `MAX_NETWORK_TRIALS`. Others are for planes.
     trials : float, optional
         What :func:`trials_of` returns for the sensor of the data, if this one is that of
         equivalent counts. Default: the same for this sensor.
@@ -167,15 +172,21 @@ def choose_method(
     'held-out'
     """
     recommended_for = None
+    is_color = is_color and takes_sensor(sensor)
     if network is not None:
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
         trials = trials_of(sensor) if trials is None else trials
-        default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
-        method = requested or (BLEND_METHOD if takes_blend(sensor, trials) else default)
+        default = DEFAULT_METHOD
+        if takes_blend(sensor, trials) and demosaicing != BY_COLOR_NETWORK:
+            default = BLEND_METHOD
+        elif is_color and demosaicing in (None, BY_COLOR_NETWORK):
+            default = COLOR_NETWORK
+        method = requested or default
         if requested is None:
+            colors = "colors" if sensor.mosaic is None else "mosaics"
             each = f"{trials:,.0f} {plural(round(trials), 'trial')} per pixel"
-            recommended_for = "colors" if method == COLOR_NETWORK else each
+            recommended_for = colors if method == COLOR_NETWORK else each
         quality = None if method == COLOR_NETWORK else METHODS[method].quality
         # K-conditioned networks serve any S. Networks for one K were trained for S = 1.
         has_fixed_range = quality is not None and not uses_conditional(sensor, quality)
@@ -199,25 +210,8 @@ def choose_method(
         limit,
         recommended_for,
         tuple(notes),
+        is_color and method in (COLOR_NETWORK, BLEND_METHOD),
     )
-
-
-def trials_of(sensor: Sensor) -> float:
-    """Return about how many trials a pixel has: its readings, or more if these have several bits.
-
-    Examples
-    --------
-    >>> several_bits = jl.Sensor(frames=64, gain=64.0, bit_depth=3)
-    >>> trials_of(jl.Sensor(frames=16)), round(trials_of(several_bits))
-    (16.0, 271)
-    """
-    # In a bracket for a wide range of light, typical light has fewer trials than readings.
-    return max(float(sensor.trials), typical_trials(sensor))
-
-
-def takes_blend(sensor: Sensor, trials: float) -> bool:
-    """Return whether the blend on held-out bits is recommended for a number of trials per pixel."""
-    return trials > MAX_NETWORK_TRIALS and sensor.kernel == "box"
 
 
 def check_fallback(
@@ -245,7 +239,7 @@ def check_fallback(
     """
     if (reason := smooth_kernel_reason(sensor)) is not None:
         raise ValueError(f"sensor: {reason}")
-    if network is None and quality is None and method != BLEND_METHOD:
+    if network is None and quality is None and method not in (BLEND_METHOD, COLOR_NETWORK):
         raise ValueError(f"fallback: is for networks, but the method is {method}")
     if network is not None and network.trials_range is None:
         raise ValueError(

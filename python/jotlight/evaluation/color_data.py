@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, TITLES
-from jotlight.estimators.typical_trials import typical_trials
-from jotlight.evaluation.methods import MAX_NETWORK_TRIALS
+from jotlight.evaluation.many_trials import takes_blend, trials_of
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.merged import Merged, is_finer
 from jotlight.sensing.pixel_counts import GrayImages
@@ -24,26 +23,22 @@ _MIN_KNOWN = 0.9
 """Fraction of the pixels that must have bits of all colors."""
 
 _TAKEN = (
-    "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
-    "data are bits or counts with the same trials in all pixels, up to "
-    f"{MAX_NETWORK_TRIALS:,}, or readings with as much information; "
+    "estimates colors from the bits itself: it takes no method, quality, or options. Its data are "
+    "bits, readings, or counts with the same trials in all pixels; "
     'demosaicing="differences" takes all data'
 )
 """What the color network takes, for messages."""
 
 
 def takes_sensor(sensor: Sensor) -> bool:
-    """Return whether the color network takes the readings of a sensor.
-
-    The kernel is the box, and the readings have the information of up to 1,000 trials per pixel.
+    """Return whether the color network takes the readings of a sensor: the kernel is the box.
 
     Examples
     --------
-    >>> takes_sensor(jl.Sensor(frames=16, mosaic="RGGB")), takes_sensor(jl.Sensor(frames=2000))
+    >>> takes_sensor(jl.Sensor(frames=2000)), takes_sensor(jl.Sensor(kernel="cubic"))
     (True, False)
     """
-    is_large = sensor.trials > MAX_NETWORK_TRIALS
-    return sensor.kernel == "box" and not is_large and typical_trials(sensor) <= MAX_NETWORK_TRIALS
+    return sensor.kernel == "box"
 
 
 def takes_mosaic(data: object, trials: npt.ArrayLike | None = None) -> bool:
@@ -59,16 +54,14 @@ def takes_mosaic(data: object, trials: npt.ArrayLike | None = None) -> bool:
     False
     """
     each = data if isinstance(data, list | tuple) else [data]
-    are_unusual = trials is not None and (
-        np.ndim(trials) > 0 or np.max(trials) > MAX_NETWORK_TRIALS
-    )
-    return not are_unusual and not any(isinstance(one, Merged) for one in each)
+    has_map = trials is not None and np.ndim(trials) > 0
+    return not has_map and not any(isinstance(one, Merged) for one in each)
 
 
 def takes_channels(images: GrayImages) -> bool:
     """Return whether images have the form that the color network takes: red, green, and blue.
 
-    Nearly all pixels of merged counts must have bits of all three, and no more than 1,000.
+    Nearly all pixels of merged counts must have bits of all three.
 
     Examples
     --------
@@ -89,8 +82,7 @@ def takes_channels(images: GrayImages) -> bool:
         if any(is_finer(one) for one in each):
             return False
         known = [np.broadcast_to(one.trials, one.shape) > 0 for one in each]
-        most = max(float(np.max(one.trials)) for one in each)
-        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN or most > MAX_NETWORK_TRIALS:
+        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN:
             return False
     return True
 
@@ -103,7 +95,7 @@ def check_taken(sensor: Sensor, *, has_form: bool) -> None:
     Examples
     --------
     >>> check_taken(jl.Sensor(frames=16, mosaic="RGGB"), has_form=True)
-    >>> check_taken(jl.Sensor(frames=2000, mosaic="RGGB"), has_form=True)
+    >>> check_taken(jl.Sensor(frames=16, kernel="cubic"), has_form=True)
     Traceback (most recent call last):
       ...
     ValueError: method: a color network takes bits of ...
@@ -111,9 +103,8 @@ def check_taken(sensor: Sensor, *, has_form: bool) -> None:
     if not (has_form and takes_sensor(sensor)):
         raise ValueError(
             "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
-            "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel, "
-            f"up to {MAX_NETWORK_TRIALS:,} per pixel or readings with as much information; got "
-            "other data"
+            "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel; "
+            "got other data"
         )
 
 
@@ -138,7 +129,7 @@ def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> 
 
 
 def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
-    """Return whether the color network estimates the image of a sensor with a mosaic.
+    """Return whether the color network alone estimates the image of a sensor with a mosaic.
 
     Parameters
     ----------
@@ -160,8 +151,8 @@ def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: b
     True
     """
     check_demosaicing(demosaicing, sensor)
-    is_own = demosaicing in (None, BY_COLOR_NETWORK)
-    by_network = is_own and is_default and takes_sensor(sensor)
-    if demosaicing == BY_COLOR_NETWORK and not by_network:
+    can = is_default and takes_sensor(sensor)
+    if demosaicing == BY_COLOR_NETWORK and not can:
         raise ValueError(f'demosaicing: "network" {_TAKEN}')
-    return by_network
+    is_usual = demosaicing is None and not takes_blend(sensor, trials_of(sensor))
+    return can and (is_usual or demosaicing == BY_COLOR_NETWORK)

@@ -15,6 +15,7 @@ from jotlight.errors import hide_warnings
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.bright_pixels import bright_behind_mosaic
+from jotlight.evaluation.color_images import count_image
 from jotlight.evaluation.error_scale import (
     COLOR_FILE,
     ErrorModel,
@@ -28,8 +29,7 @@ from jotlight.evaluation.interval_pixels import Pixels, intensity_of, stabilize
 from jotlight.evaluation.intervals import MIN_TRIALS
 from jotlight.evaluation.known_errors import KnownErrors
 from jotlight.evaluation.known_estimate import read_estimate
-from jotlight.evaluation.methods import MAX_NETWORK_TRIALS
-from jotlight.evaluation.mosaics import count_image
+from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.kept import kept_property
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic

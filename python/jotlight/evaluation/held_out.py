@@ -1,16 +1,20 @@
 """The blend of several methods under which held-out bits are most likely."""
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
 from jotlight.estimators.admm import admm_tv
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
 from jotlight.estimators.mle import mle
 from jotlight.evaluation.blend_weights import blend_weights
+from jotlight.evaluation.color_data import takes_channels
+from jotlight.evaluation.color_images import reconstruct_channels
 from jotlight.layout import Layout, join
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
@@ -30,7 +34,10 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.subsampling import subsample_counts
 
 NAMES = "network", "total variation", "maximum likelihood"
-"""Names of the methods of the blend."""
+"""Names of the methods of the blend for gray images."""
+
+COLORS_NAME = "color network"
+"""Name of the color network, which is a method of the blend for colors."""
 
 HELD_OUT_FRACTION = 0.2
 """Fraction of the bits that are held out.
@@ -71,15 +78,15 @@ def held_out(
     out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
 ) -> Estimate:
-    """Return the blend of network, total variation, and maximum likelihood that suits the data.
+    """Return the blend of networks, total variation, and maximum likelihood that suits the data.
 
     With many trials, the pixels say more than any prior, and the best method depends on the scene.
-    A fifth of the bits of each pixel, chosen at random, is held out. The pretrained network
-    "medium", :func:`jotlight.admm_tv`, and :func:`jotlight.mle` estimate the image from the others.
-    The weights of these three are those under which the held-out bits are most likely, for up to
-    eight regions of different brightness. The result is the weighted sum of the three estimates
-    from all bits. Between the mean brightnesses of the regions, the weights are interpolated by the
-    brightness of a pixel.
+    A fifth of the bits of each pixel, at random, is held out. The pretrained network "medium",
+    :func:`jotlight.admm_tv`, and :func:`jotlight.mle`, and for three color channels the color
+    network, estimate the image from the others. Their weights are those under which the held-out
+    bits are most likely, for up to eight regions of different brightness. The result is the
+    weighted sum of the estimates from all bits. Between the mean brightnesses of the regions, the
+    weights are interpolated by the brightness of a pixel.
 
     Parameters
     ----------
@@ -133,11 +140,17 @@ def held_out(
     images = gray_images(data)
     output = output_of(images, sensor, out)
     network = pretrained(sensor, DEFAULT_SIZE)
-    return output.finish(blend(images, sensor, network, threads)[0])
+    is_color = takes_channels(images)
+    return output.finish(blend(images, sensor, network, threads, is_color=is_color)[0])
 
 
 def blend(
-    images: GrayImages, sensor: Sensor, network: Network, threads: int | None
+    images: GrayImages,
+    sensor: Sensor,
+    network: Network,
+    threads: int | None,
+    *,
+    is_color: bool = False,
 ) -> tuple[Estimate, dict[str, float]]:
     """Return the blends of :func:`held_out` with another network, (N, H, W), and the shares.
 
@@ -151,6 +164,9 @@ def blend(
         The K-conditioned network of the blend.
     threads : int, optional
         The number of threads. Default: the number of cores.
+    is_color : bool
+        Whether the images are color channels, red, green, and blue of each image, which the color
+        network estimates, too.
 
     Returns
     -------
@@ -161,27 +177,30 @@ def blend(
     """
     if (reason := smooth_kernel_reason(sensor)) is not None:
         raise ValueError(f"sensor: {reason}")
-    methods: list[Method] = [
+    runs: list[Run] = [
         lambda images: network.reconstruct(images, sensor, threads=threads),
         lambda images: admm_tv(images, sensor, threads=threads),
         lambda images: mle(images, sensor, threads=threads),
     ]
+    methods = list(map(Method, NAMES, runs))
+    if is_color:
+        by_colors = partial(reconstruct_channels, sensor=sensor, out=None, threads=threads)
+        methods.insert(0, Method(COLORS_NAME, by_colors, COLORS))
     estimates, shares = [], []
-    for part in images.parts(sensor):
+    for part in images.parts(sensor, together=methods[0].together):
         pixels = part.count(sensor, threads)
-        weights = _used_weights(_choose_weights(methods, pixels, threads))
+        weights = used_weights(_choose_weights(methods, pixels, threads))
         total = np.zeros(weights.shape[1:], np.float32)
         for weight, method in zip(weights, methods, strict=True):
-            places = np.flatnonzero(weight.any(axis=(1, 2)))
-            if len(places):
+            if len(places := method.places(weight)):
                 with hide_warnings(NO_VALID_BIT):
-                    total[places] += weight[places] * method(part.select(places.tolist()))
+                    total[places] += weight[places] * method.run(part.select(places.tolist()))
         if pixels.dead_pixels is not None:
             warn_about_dead_pixels(pixels.dead_pixels)
         estimates.append(np.clip(total, 0, np.float32(sensor.max_intensity)))
         shares.extend(weights.mean(axis=(2, 3), dtype=np.float64).T)
-    mean = np.mean(shares, axis=0)
-    return join(estimates), {name: float(share) for name, share in zip(NAMES, mean, strict=True)}
+    means = zip(methods, np.mean(shares, axis=0), strict=True)
+    return join(estimates), {method.name: float(share) for method, share in means}
 
 
 def smooth_kernel_reason(sensor: Sensor) -> str | None:
@@ -200,15 +219,29 @@ def smooth_kernel_reason(sensor: Sensor) -> str | None:
     )
 
 
-Method = Callable[[GrayImages], Estimate]
-"""A method of the blend, which returns the estimates (N, H, W)."""
+Run = Callable[[GrayImages], Estimate]
+"""A function that returns the estimates (N, H, W) of images."""
+
+
+class Method(NamedTuple):
+    """A method of the blend."""
+
+    name: str
+    run: Run
+    together: int = 1
+    """Number of successive images that it estimates together."""
+
+    def places(self, weight: Estimate) -> npt.NDArray[np.intp]:
+        """Return the places of the images (N, H, W) to estimate, those with any weight above 0."""
+        used = weight.any(axis=(1, 2)).reshape(-1, self.together).any(axis=1)
+        return np.flatnonzero(np.repeat(used, self.together))
 
 
 def _choose_weights(methods: list[Method], pixels: PixelCounts, threads: int | None) -> Estimate:
     """Return the weight of each method at each pixel, (M, N, H, W)."""
     sensor = pixels.sensor
     each = [pixels.select([place]) for place in range(len(pixels.counts))]
-    held_out = [_hold_out(one) for one in each]
+    held_out = [hold_out(one) for one in each]
     training = [
         Merged(
             (one.counts - ones)[0],
@@ -221,23 +254,23 @@ def _choose_weights(methods: list[Method], pixels: PixelCounts, threads: int | N
     ]
     stack = GrayImages(training, Layout((len(training),)))
     with hide_warnings():  # the estimates from all bits warn, too
-        estimates = np.stack([method(stack) for method in methods], axis=1)
+        estimates = np.stack([method.run(stack) for method in methods], axis=1)
     lights = estimates.astype(np.float64) * sensor.light_per_intensity
     weights = [
-        _weights_of_image(one, *bits, own, threads)
+        weights_of_image(one, *bits, own, threads)
         for one, bits, own in zip(each, held_out, lights, strict=True)
     ]
     return np.stack(weights, axis=1)
 
 
-def _used_weights(weights: Estimate) -> Estimate:
+def used_weights(weights: Estimate) -> Estimate:
     """Return weights (M, N, H, W) without methods of small weight, with the sum 1 at each pixel.
 
     A method is left out of an image if its weight is small at all pixels.
 
     Examples
     --------
-    >>> _used_weights(np.float32([0.0005, 0.3995, 0.6]).reshape(3, 1, 1, 1)).ravel().round(4)
+    >>> used_weights(np.float32([0.0005, 0.3995, 0.6]).reshape(3, 1, 1, 1)).ravel().round(4)
     array([0.    , 0.3997, 0.6003], dtype=float32)
     """
     used = weights * (weights.max(axis=(2, 3), keepdims=True) >= _MIN_WEIGHT)
@@ -248,14 +281,26 @@ def _first(value: float | Array) -> float | Array:
     return value[0] if isinstance(value, np.ndarray) else value
 
 
-def _weights_of_image(
+def weights_of_image(
     pixels: PixelCounts,
     ones: npt.NDArray[np.int32],
     trials: npt.NDArray[np.int64],
     lights: Array,
     threads: int | None,
 ) -> Estimate:
-    """Return the weights of one image, (M, H, W), from its held-out bits."""
+    """Return the weights of one image, (M, H, W), from its held-out bits.
+
+    Parameters
+    ----------
+    pixels : PixelCounts
+        All bits of the image.
+    ones, trials : ndarray of int
+        The held-out bits, as :func:`hold_out` returns them.
+    lights : ndarray of float64, shape (M, H, W)
+        The light at each pixel by each method, per frame and jot.
+    threads : int, optional
+        The number of threads. Default: the number of cores.
+    """
     brightness = _brightness(lights)
     # Where an estimate is 0, a one among the held-out bits must not exclude a method. In a dim
     # scene, half a one would be more than the light.
@@ -280,7 +325,7 @@ def _weights_of_image(
     return np.asarray(interpolated, np.float32)
 
 
-def _hold_out(pixels: PixelCounts) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+def hold_out(pixels: PixelCounts) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
     """Return the ones among the held-out bits of each pixel, and the number of these bits."""
     rng = np.random.default_rng(_SEED)
     ones, shape = pixels.counts, pixels.counts.shape

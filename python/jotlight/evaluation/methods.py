@@ -19,6 +19,7 @@ from jotlight.estimators.mle import mle
 from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.held_out import held_out, smooth_kernel_reason
+from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
@@ -163,10 +164,7 @@ DEFAULT_METHOD = f"network-{DEFAULT_SIZE}"
 """Method for every sensor, unless another one is requested."""
 
 BLEND_METHOD = "held-out"
-"""Method instead of the default if K is above :data:`MAX_NETWORK_TRIALS`, with the box kernel."""
-
-MAX_NETWORK_TRIALS = 1000
-"""Largest K up to which the default needs no comparison with methods that trust the data more."""
+"""Method instead of the default for many trials, with the box kernel."""
 
 OPTION_DEFAULTS = {
     "inverse": "noniterative-tv",

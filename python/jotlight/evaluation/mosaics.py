@@ -10,15 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
-from jotlight.estimators.merge_near import Merging
 from jotlight.evaluation.bright_pixels import bright_behind_mosaic
-from jotlight.evaluation.choice import (
-    COLOR_NETWORK,
-    OWN_NETWORK,
-)
+from jotlight.evaluation.choice import COLOR_NETWORK, OWN_NETWORK, Choice
 from jotlight.evaluation.choice import TITLES as METHOD_TITLES
 from jotlight.evaluation.clipping import largest_colors, warn_about_clipping
+from jotlight.evaluation.color_images import count_image
 from jotlight.evaluation.info import Info, join_infos
+from jotlight.evaluation.mosaic_blend import blend_mosaic
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
 from jotlight.networks.color_network import ColorNetwork
@@ -29,17 +27,9 @@ from jotlight.networks.pretrained import (
     pretrained_color,
     pretrained_conditional,
 )
-from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.output_images import OutputImages
-from jotlight.sensing.pixel_counts import (
-    Data,
-    GrayData,
-    PixelCounts,
-    count_pixels,
-    gray_images,
-    prepare_data,
-)
+from jotlight.sensing.pixel_counts import Data, PixelCounts, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -52,7 +42,7 @@ these were made."""
 def reconstruct_mosaic(
     data: Data,
     sensor: Sensor,
-    estimate: EstimatePlanes | ColorNetwork | None,
+    estimate: EstimatePlanes | ColorNetwork | Choice | None,
     *,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
@@ -69,9 +59,10 @@ def reconstruct_mosaic(
         The data, as of :func:`jotlight.reconstruct`. The pixels are those of the mosaic.
     sensor : Sensor
         Their sensor, with a mosaic.
-    estimate : callable or ColorNetwork, optional
+    estimate : callable, ColorNetwork, or Choice, optional
         ``estimate(planes, sensor)`` returns the estimates of gray planes, (N, h, w), and how they
-        were made. A color network estimates colors. Default: the pretrained color network.
+        were made. A color network estimates colors. A choice is that of the blend on held-out bits.
+        Default: the pretrained color network.
     trials, channel_axis, out, threads
         As of :func:`jotlight.reconstruct`.
     demosaicing : {"menon", "differences"}, optional
@@ -116,12 +107,16 @@ def reconstruct_mosaic(
         )
     counted = [count_image(one, gray, threads, mosaic) for one in images.data]
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
-    if estimate is None or isinstance(estimate, ColorNetwork):
+    if isinstance(estimate, Choice):
+        colors, info = _by_blend(counted, mosaic, estimate, method, threads)
+    elif estimate is None or isinstance(estimate, ColorNetwork):
         colors, info = _by_color_network(counted, mosaic, gray, estimate, precision, threads)
+    else:
+        colors, info = _by_planes(counted, mosaic, estimate, method)
+    if estimate is None or isinstance(estimate, ColorNetwork | Choice):
+        # The estimates of planes warn by themselves.
         bright = partial(bright_behind_mosaic, counted, mosaic)
         warn_about_clipping(np.stack(colors), sensor, bright)
-    else:  # the estimates of planes warn by themselves
-        colors, info = _by_planes(counted, mosaic, estimate, method)
     largest = largest_colors(sensor)
     for each in colors:
         np.clip(each, 0, largest, out=each)
@@ -150,6 +145,22 @@ def _by_color_network(
     return colors, Info(name, METHOD_TITLES[name], reason, 0.0)
 
 
+def _by_blend(
+    counted: Sequence[PixelCounts], mosaic: Mosaic, choice: Choice, method: str, threads: int | None
+) -> tuple[list[Image], Info]:
+    """Return the colors of each image by the blend of the color network with other methods.
+
+    How they were made is without its time.
+    """
+    colors: list[Image] = []
+    infos: list[Info] = []
+    for each in counted:
+        blended, shares = blend_mosaic(each, mosaic, method, threads)
+        colors.append(blended)
+        infos.append(Info(choice.method, choice.title, choice.reason, 0.0, shares=shares))
+    return colors, join_infos(infos, TITLES[method], 0.0)
+
+
 def _by_planes(
     counted: Sequence[PixelCounts], mosaic: Mosaic, estimate: EstimatePlanes, method: str
 ) -> tuple[list[Image], Info]:
@@ -164,37 +175,3 @@ def _by_planes(
         colors.append(demosaic(values, mosaic, method, weights).astype(np.float32))
         infos += infos_of_one
     return colors, join_infos(infos, TITLES[method], 0.0)
-
-
-def count_image(
-    one: GrayData, sensor: Sensor, threads: int | None, mosaic: Mosaic | None = None
-) -> PixelCounts:
-    """Return the counts of the pixels of one image. Their sensor has plain bits.
-
-    Parameters
-    ----------
-    one : Bits, Readings, or ndarray of int
-        The data of the image.
-    sensor : Sensor
-        Their sensor, without its mosaic.
-    threads : int, optional
-        The number of threads. Default: the number of cores.
-    mosaic : Mosaic, optional
-        The mosaic of the sensor.
-
-    Examples
-    --------
-    >>> count_image(np.full((4, 6), 3, np.int32), jl.Sensor(frames=8), None).trials
-    8
-    """
-    if sensor.has_plain_bits:
-        counted = count_pixels(one, sensor, threads)
-        if not counted.varies_within_pixels:
-            return counted
-    # A pixel behind a clear filter sees the sum of the colors, which may exceed S.
-    most = 1.0 if mosaic is None else max(1.0, float(mosaic.sensitivity.max()))
-    bright = sensor.replace(max_intensity=most * sensor.max_intensity)
-    joint = joint_likelihood(one, bright, threads)
-    merged = Merging(joint).near_neighbors(mosaic)
-    own = merged.sensor.replace(max_intensity=sensor.max_intensity)
-    return count_pixels(dataclasses.replace(merged, sensor=own), own, threads)

@@ -16,12 +16,7 @@ from jotlight.evaluation.channels import (
     run_color_network,
     without_warnings_of_colors,
 )
-from jotlight.evaluation.choice import (
-    check_extras,
-    check_precision_of,
-    takes_blend,
-    trials_of,
-)
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_extras, check_precision_of
 from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.color_data import (
     BY_COLOR_NETWORK,
@@ -34,10 +29,8 @@ from jotlight.evaluation.color_data import (
 from jotlight.evaluation.dark_counts import warn_about_dark_counts
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
 from jotlight.evaluation.info import Info
-from jotlight.evaluation.methods import (
-    BLEND_METHOD,
-    DEFAULT_METHOD,
-)
+from jotlight.evaluation.many_trials import takes_blend, trials_of
+from jotlight.evaluation.methods import BLEND_METHOD, DEFAULT_METHOD
 from jotlight.evaluation.mosaics import EstimatePlanes, reconstruct_mosaic
 from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
 from jotlight.evaluation.request import AnyMethod, Request
@@ -128,8 +121,8 @@ def reconstruct(
         image. Behind a mosaic, a function gets the counts (h, w) of each plane of the pattern, or
         Merged where the trials or the readings differ; it cannot replace the demosaicing.
         Default: the network "medium". With the box kernel, the default is "held-out" above 1,000
-        trials per pixel, and the color network for three channels, or a mosaic, of up to 1,000
-        trials per pixel. Your own color network takes the same data as that one.
+        trials per pixel, and otherwise the color network for three channels, or a mosaic. Your own
+        color network takes the same data as that one.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of the pretrained network to use, in place of a method.
     trials : float or array_like of float, optional
@@ -146,7 +139,8 @@ def reconstruct(
         (:func:`jotlight.estimators.demosaicing.demosaic`). "network" is the color network, which
         improves "differences" with the bits of all filters. Default: "network" if no method is
         requested and there are up to 1,000 trials per pixel; otherwise "menon" for a Bayer mosaic,
-        which needs the extra `color`, and "differences" for others.
+        which needs the extra `color`, and "differences" for others. "held-out" blends the color
+        network with colors of planes, which this argument states.
     precision : {"f32", "bf16"}, optional
         Precision of the products of a deep network
         (:meth:`jotlight.Network.with_precision`). "bf16" is bfloat16, which is faster on processors
@@ -159,7 +153,8 @@ def reconstruct(
     fallback : bool
         Whether to blend a network with total variation and maximum likelihood, with the weights
         that make held-out bits most likely (:func:`jotlight.evaluation.held_out`). It helps in
-        scenes unlike photographs. This takes 10 to 30 times as long. With
+        scenes unlike photographs. For colors, the default blends the color network with these
+        three, whose network is "medium". This takes 10 to 30 times as long. With
         `return_info`, `Info.shares` holds the mean weight of each method.
     return_info : bool
         Whether to also return which method was chosen and why.
@@ -239,21 +234,32 @@ def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> t
     """Return the colors of a mosaic by a color network, or by a method for each plane."""
     method, demosaicing = request.method, request.demosaicing
     has_form = takes_mosaic(data, arrays["trials"])
-    estimate: EstimatePlanes | ColorNetwork | None = None
+    estimate: EstimatePlanes | ColorNetwork | Choice | None = None
     if isinstance(method, ColorNetwork):
         check_extras(request.quality, request.options, fallback=request.fallback)
         check_taken(sensor, has_form=has_form)
         if demosaicing not in (None, BY_COLOR_NETWORK):
             raise ValueError("demosaicing: is not an option of a color network; leave it out")
         estimate, demosaicing = method, None
-    elif uses_color_network(sensor, demosaicing, is_default=request.is_default and has_form):
-        demosaicing = None
+    elif (choice := _choice_of_colors(request, sensor, has_form=has_form)) is not None:
+        is_alone = choice.method == COLOR_NETWORK and not request.fallback
+        estimate = None if is_alone else choice
+        demosaicing = None if demosaicing == BY_COLOR_NETWORK else demosaicing
     else:
         of_planes = dataclasses.replace(request, demosaicing=None).arguments()
         run = noting_planes(method, partial(reconstruct, **of_planes))
         estimate = partial(run, return_info=True)
     settings = {"precision": request.precision, "threads": request.threads, **arrays}
     return reconstruct_mosaic(data, sensor, estimate, demosaicing=demosaicing, **settings)
+
+
+def _choice_of_colors(request: Request, sensor: Sensor, *, has_form: bool) -> Choice | None:
+    """Return the choice of a method that estimates the colors of a mosaic, or None for planes."""
+    if not isinstance(request.method, str | AnyNetwork | None):
+        uses_color_network(sensor, request.demosaicing, is_default=False)  # or raise
+        return None
+    choice = request.choose(sensor, takes_colors=has_form)
+    return choice if choice.is_color else None
 
 
 def _by_function(

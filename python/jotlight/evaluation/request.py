@@ -11,6 +11,7 @@ from jotlight.evaluation.choice import (
     named_method,
 )
 from jotlight.evaluation.color_data import check_demosaicing, uses_color_network
+from jotlight.evaluation.methods import BLEND_METHOD
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.sensing.sensor import Sensor
@@ -35,9 +36,7 @@ class Request:
     @property
     def is_default(self) -> bool:
         """Whether nothing selects a method."""
-        return (
-            self.method is None and self.quality is None and not self.fallback and not self.options
-        )
+        return self.method is None and self.quality is None and not self.options
 
     def with_threads(self, threads: int | None) -> Self:
         """Return the same request for a number of threads."""
@@ -117,19 +116,22 @@ class Request:
         'network-color'
         >>> Request("mle").choose(mosaic, takes_colors=True).method
         'mle'
+        >>> Request("held-out").choose(mosaic, takes_colors=True).is_color
+        True
         """
         requested = self.name()
         network = self.method if isinstance(self.method, AnyNetwork) else None
         check_demosaicing(self.demosaicing, sensor)
-        is_color = takes_colors and self.is_default
         if sensor.mosaic is not None and not isinstance(network, ColorNetwork):
-            is_color = uses_color_network(sensor, self.demosaicing, is_default=is_color)
+            is_default = takes_colors and self.is_default
+            uses_color_network(sensor, self.demosaicing, is_default=is_default)  # or raise
         choice = choose_method(
             sensor,
             requested=requested,
             network=network,
             is_range_known=is_range_known,
-            is_color=is_color,
+            is_color=takes_colors and (self.is_default or self.method == BLEND_METHOD),
+            demosaicing=self.demosaicing,
             trials=trials,
         )
         choice.check_precision(self.precision, fallback=self.fallback)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.evaluation.channels import reconstruct_channels
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_fallback
+from jotlight.evaluation.color_images import reconstruct_channels
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import BLEND_METHOD, METHODS
 from jotlight.evaluation.request import Request
@@ -68,10 +68,9 @@ def run_choice(
     threads = request.threads
     if request.fallback or choice.method == BLEND_METHOD:
         check_fallback(sensor, choice.method, choice.quality, network)
-        quality = DEFAULT_SIZE if choice.method == BLEND_METHOD else choice.quality
-        network = network or pretrained_conditional(sensor, str(quality))
+        network = network or pretrained_conditional(sensor, choice.quality or DEFAULT_SIZE)
         output = output_of(images, sensor, out)
-        blends, shares = blend(images, sensor, network, threads)
+        blends, shares = blend(images, sensor, network, threads, is_color=choice.is_color)
         return Run(output.finish(blends), shares=shares)
     if choice.method == COLOR_NETWORK:
         return Run(reconstruct_channels(images, sensor, out, threads, precision=request.precision))

@@ -18,6 +18,7 @@ from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.bright_pixels import bright_in_first_frames, bright_pixels
 from jotlight.evaluation.channel_intervals import find_channel_intervals
 from jotlight.evaluation.choice import (
+    COLOR_NETWORK,
     check_precision_of,
     choose_method,
 )
@@ -26,7 +27,6 @@ from jotlight.evaluation.color_data import (
     check_demosaicing,
     takes_channels,
     takes_mosaic,
-    takes_sensor,
     uses_color_network,
 )
 from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
@@ -229,7 +229,8 @@ def _of_gray_images(
     if estimate is None:
         estimate = reconstruct(images, sensor, **request.arguments())
     values = np.ascontiguousarray(images.layout.split(np.asarray(estimate, np.float32)))
-    if request.is_default and takes_channels(images) and takes_sensor(sensor):
+    choice = request.choose(sensor, takes_colors=takes_channels(images))
+    if choice.method == COLOR_NETWORK:
         return find_channel_intervals(
             images, values, sensor, confidence_level=confidence_level, threads=threads
         )

@@ -25,6 +25,7 @@ def weights_sha256(
     *,
     model: Path | None = None,
     is_conditional: bool = False,
+    is_color: bool = False,
 ) -> str | list[str] | None:
     """Return the SHA-256 of the files of the networks that a method runs.
 
@@ -39,13 +40,15 @@ def weights_sha256(
         File of the caller's network, for methods without a size.
     is_conditional : bool
         Whether the network must be K-conditioned, as it falls back to other methods.
+    is_color : bool
+        Whether the colors of an image are estimated together.
 
     Returns
     -------
     str or list of str or None
         64 hexadecimal digits, a sorted list of them for several files, or None without a network.
         The color network and the film network have two files: their own, and that of the gray
-        network at which they start.
+        network at which they start. A blend has those of its gray network, too.
 
     Raises
     ------
@@ -55,25 +58,29 @@ def weights_sha256(
     Examples
     --------
     >>> sensor = jl.Sensor(frames=16, mosaic="RGGB")
-    >>> len(weights_sha256(sensor, "network-color", None))
+    >>> len(weights_sha256(sensor, "network-color", None, is_color=True))
     2
+    >>> len(weights_sha256(sensor, "held-out", None, is_color=True))
+    3
     >>> len(weights_sha256(jl.Sensor(), "network-film", None))
     2
     >>> weights_sha256(sensor, "mle", None) is None
     True
     """
-    size = DEFAULT_SIZE if method == BLEND_METHOD else quality
-    if method == COLOR_NETWORK:
-        own = CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE
-        files = {own, pretrained_file(sensor, COLOR_START, is_conditional=True)}
-    elif method == FILM_NETWORK:
-        files = {FILM_FILE, pretrained_file(sensor, FILM_START, is_conditional=True)}
-    elif size is None:
-        files = set() if model is None else {model}
-    else:
-        files = {
-            pretrained_file(each, size, is_conditional=is_conditional)
+    is_blend = method == BLEND_METHOD or (method == COLOR_NETWORK and is_conditional)
+    size = DEFAULT_SIZE if is_blend else quality
+    files = set[Path]()
+    if is_color:
+        files.add(CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE)
+        files.add(pretrained_file(sensor, COLOR_START, is_conditional=True))
+    if method == FILM_NETWORK:
+        files |= {FILM_FILE, pretrained_file(sensor, FILM_START, is_conditional=True)}
+    elif size is not None:
+        files |= {
+            pretrained_file(each, size, is_conditional=is_conditional or is_blend)
             for each in plane_sensors(sensor)
         }
+    elif model is not None:
+        files.add(model)
     weights = sorted(map(file_checksum, files))
     return weights[0] if len(weights) == 1 else weights or None

@@ -107,9 +107,14 @@ class GrayImages:
         height, width = first.shape[-2:]
         return height // side, width // side
 
-    def parts(self, sensor: Sensor, max_pixels: int = MAX_PIXELS) -> Iterator["GrayImages"]:
-        """Yield parts of a stack, of one image or of at most `max_pixels` pixels."""
-        number = max(1, max_pixels // max(1, math.prod(self.size(sensor))))
+    def parts(
+        self, sensor: Sensor, max_pixels: int = MAX_PIXELS, *, together: int = 1
+    ) -> Iterator["GrayImages"]:
+        """Yield parts of a stack, of at most `max_pixels` pixels, but of one image or more.
+
+        The numbers of images are multiples of `together`.
+        """
+        number = max(1, max_pixels // max(1, together * math.prod(self.size(sensor)))) * together
         for start in range(0, len(self), number):
             part = self.data[start : start + number]
             yield GrayImages(part, Layout((len(part),)))

@@ -11,7 +11,8 @@ from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice
 from jotlight.evaluation.clipping import clipping_of, with_clipping_of
-from jotlight.evaluation.methods import MAX_NETWORK_TRIALS, METHODS
+from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
+from jotlight.evaluation.methods import BLEND_METHOD, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import CountStack
@@ -88,9 +89,9 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
     choice = recommend(viewed, number, None if is_color else method)
     if is_color and choice.method != COLOR_NETWORK:
         raise ValueError(
-            f"method: the color network takes three colors with up to {MAX_NETWORK_TRIALS:,} "
-            f"trials per pixel, got {sensor.trials:,} trials and images of shape {viewed.shape}; "
-            "choose a shorter window, or another method"
+            "method: the color network takes three colors, and alone up to "
+            f"{MAX_NETWORK_TRIALS:,} trials per pixel, got {sensor.trials:,} trials and images of "
+            f"shape {viewed.shape}; choose {BLEND_METHOD} for more trials, or another method"
         )
     return choice
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.evaluation.methods import MAX_NETWORK_TRIALS
+from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.experiments.experiment import Results
 from jotlight.experiments.method_titles import ALGEBRAIC, method_title
 from jotlight.experiments.report.changes import row_title
