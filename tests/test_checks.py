@@ -11,7 +11,6 @@ from jotlight.checks import (
     as_image,
     positive_number,
     real_number,
-    require_image_list,
     require_intensities,
     to_array,
     whole_number,
@@ -101,24 +100,34 @@ def test_an_image_of_anything_but_numbers_has_no_scale():
 
 
 @pytest.mark.parametrize("folder", ["folder", Path("folder")])
-def test_a_path_in_place_of_images_is_named(folder):
-    with pytest.raises(TypeError, match="images: expected an array, got the path 'folder'; pass"):
-        require_image_list(folder)
+def test_a_path_in_place_of_an_image_is_named(folder):
     with pytest.raises(TypeError, match="image: expected an array, got the path 'folder'; pass"):
         as_image(folder)
 
 
-class Sized:
-    """An object with a length, but without elements."""
-
-    def __len__(self):
-        return 1
+BITS = jl.Sensor(frames=16).expose(np.full((16, 16), 0.5), rng=0)
 
 
-@pytest.mark.parametrize("images", [None, 3, (image for image in ()), Sized()])
-def test_images_need_a_length_and_elements(images):
-    with pytest.raises(TypeError, match=r"an array \(N, H, W\) or a list of images, got"):
-        require_image_list(images)
+@pytest.mark.parametrize(
+    ("name", "function"),
+    [
+        ("ones", jl.Likelihood),
+        ("counts", lambda bits: jl.vst.anscombe(bits, 16)),
+        ("z", lambda bits: jl.vst.inverse_anscombe(bits, 16)),
+        ("image", jl.denoise.tv),
+        ("image", jl.denoise.gaussian),
+        ("image", jl.operators.spread((16, 16)).forward),
+        ("array", jl.operators.scaling((16, 16, 16), 2.0).forward),
+        ("estimate", lambda bits: jl.metrics.psnr(bits, bits)),
+        ("image", lambda bits: jl.Sensor().expose(bits, rng=0)),
+        ("image", lambda bits: jl.save_image("image.png", bits)),
+    ],
+)
+def test_bits_are_no_array_of_numbers(name, function):
+    with pytest.raises(
+        TypeError, match=rf"{name}: expected an array, got Bits; .* bits.counts\(\)"
+    ):
+        function(BITS)
 
 
 RAGGED = [[1], [2, 3]]

@@ -17,6 +17,16 @@ MAX_THREADS = 1024
 MAX_SHOWN = 8
 """Largest number of numbers of an array that a message shows."""
 
+_ADVICE = {
+    "Bits": "take one frame, bits[0], or bits.counts()",
+    "Readings": "take one frame, readings[0], or readings.sum()",
+    "Merged": "merged.ones and merged.trials are its arrays; or take an estimate, such as "
+    "jotlight.reconstruct(merged)",
+    "FilmImage": "take an estimate, such as jotlight.reconstruct(image.data)",
+    "Uncertainty": "take one of its maps, such as uncertainty.standard_error",
+}
+"""What to take in place of data, by the names of their types."""
+
 
 def shown(value: object) -> str:
     """Return how a message shows a value: an array of many numbers by its type and shape.
@@ -172,6 +182,12 @@ def refuse_masked(
         raise TypeError(f"{name}: expected a plain array, got a masked one; {advice}")
 
 
+def refuse_data(name: str, data: object) -> None:
+    """Raise TypeError for data in place of an array. NumPy would make one of all frames of bits."""
+    if (advice := _ADVICE.get(type(data).__name__)) is not None:
+        raise TypeError(f"{name}: expected an array, got {type(data).__name__}; {advice}")
+
+
 def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
     """Return an array of whole numbers from 0 to 2**31 - 1 as aligned int32 in C order.
 
@@ -223,24 +239,6 @@ def refuse_image_path(name: str, images: object, call: str) -> None:
     if isinstance(images, str | os.PathLike):
         raise TypeError(
             f"{name}: expected an array, got the path {os.fspath(images)!r}; pass {call}"
-        )
-
-
-def require_image_list(images: object, name: str = "images") -> None:
-    """Raise TypeError unless images are a sequence or an array. Messages call them `name`.
-
-    Examples
-    --------
-    >>> require_image_list(None)
-    Traceback (most recent call last):
-      ...
-    TypeError: images: expected an array (N, H, W) or a list of images, got None
-    """
-    refuse_image_path(name, images, "[jotlight.read_image(path, gray=True) for path in paths]")
-    iterations = {"__iter__", "__getitem__"}.intersection(dir(images))
-    if not (iterations and hasattr(images, "__len__")):
-        raise TypeError(
-            f"{name}: expected an array (N, H, W) or a list of images, got {shown(images)}"
         )
 
 
@@ -315,9 +313,10 @@ def to_array(name: str, values: Any) -> npt.NDArray[Any]:
     Raises
     ------
     TypeError, ValueError
-        For masked arrays, and when the rows of a list differ in their length.
+        For masked arrays, for data such as bits, and when the rows of a list differ in length.
     """
     refuse_masked(name, values)
+    refuse_data(name, values)
     try:
         return np.asarray(values)
     except TypeError as error:
@@ -329,10 +328,8 @@ def to_array(name: str, values: Any) -> npt.NDArray[Any]:
         lengths = _different_lengths(values)
         if lengths is None:
             raise
-        raise ValueError(
-            f"{name}: expected rows of the same length, got {lengths}; fill them up, or leave out "
-            "the others"
-        ) from error
+        text = f"{name}: expected rows of the same length, got {lengths}; fill up or remove some"
+        raise ValueError(text) from error
 
 
 def _different_lengths(values: Any) -> str | None:

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tifffile
@@ -6,7 +8,7 @@ from PIL import Image
 import jotlight
 from jotlight.errors import JotlightWarning
 from jotlight.images.io import read_image
-from jotlight.images.sets import ENDINGS, read_image_set
+from jotlight.images.sets import ENDINGS, read_image_set, require_image_list
 
 LEVELS = np.random.default_rng(0).integers(0, 256, (12, 15), np.uint8)
 COLOR = np.random.default_rng(1).integers(0, 256, (12, 15, 3), np.uint8)
@@ -312,3 +314,22 @@ def test_an_array_of_gray_levels_is_reported_with_its_level(tmp_path, name):
         read_image_set(path)
     assert read_image_set(path, white=255)[1][0].max() < 1
     assert read_image_set(path, max_intensity=255)[1][0].max() == 200
+
+
+@pytest.mark.parametrize("folder", ["folder", Path("folder")])
+def test_a_path_in_place_of_images_is_named(folder):
+    with pytest.raises(TypeError, match="images: expected an array, got the path 'folder'; pass"):
+        require_image_list(folder)
+
+
+class Sized:
+    """An object with a length, but without elements."""
+
+    def __len__(self):
+        return 1
+
+
+@pytest.mark.parametrize("images", [None, 3, (image for image in ()), Sized()])
+def test_images_need_a_length_and_elements(images):
+    with pytest.raises(TypeError, match=r"an array \(N, H, W\) or a list of images, got"):
+        require_image_list(images)

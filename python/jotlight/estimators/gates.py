@@ -20,6 +20,7 @@ from jotlight.checks import (
 )
 from jotlight.errors import import_extra
 from jotlight.estimators.decays import TOLERANCE, Gates, decay_rates
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.response import Array
 from jotlight.sensing.values import numbers_from_zero
 
@@ -125,7 +126,7 @@ def _ones_and_readings(
 def _plain_counts(counts: npt.ArrayLike) -> npt.NDArray[Any]:
     """Return the counts of each gate as an array (G, ...), with single bits as 0 and 1."""
     refuse_masked("counts", counts, "fill it with 0, and pass trials of 0 where it is masked")
-    array = to_array("counts", counts)
+    array = counts.to_array() if isinstance(counts, Bits) else to_array("counts", counts)
     if array.ndim < 1:
         raise ValueError(f"counts: expected those of each gate (G, ...), got {shown(counts)}")
     return array.astype(np.uint8) if array.dtype == np.bool_ else array

@@ -14,11 +14,12 @@ import numpy.typing as npt
 
 import jotlight.metrics as metrics
 from jotlight.argument_types import as_path
-from jotlight.checks import real_number, refuse_masked, require_image_list, shown
+from jotlight.checks import real_number, refuse_masked, shown
 from jotlight.errors import counted
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import write_file
+from jotlight.images.sets import require_image_list
 from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table

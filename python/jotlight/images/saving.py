@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path
-from jotlight.checks import positive_number, refuse_masked, to_array, type_of
+from jotlight.checks import positive_number, refuse_data, refuse_masked, to_array, type_of
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
@@ -24,15 +24,6 @@ from jotlight.layout import looks_like_color
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.readings import Readings
-
-_ADVICE = {
-    "Bits": "take one frame, bits[0], or bits.counts()",
-    "Readings": "take one frame, readings[0], or readings.sum()",
-    "Merged": "take an estimate, such as jotlight.reconstruct(merged)",
-    "FilmImage": "take an estimate, such as jotlight.reconstruct(image.data)",
-    "Uncertainty": "take one of its maps, such as uncertainty.standard_error",
-}
-"""What to save in place of data, by the names of their types."""
 
 _SEQUENCES = (Sequence, np.ndarray, Bits, CountStack, Readings)
 """Types of films with a known number of images."""
@@ -196,16 +187,10 @@ def save_film(
         clipping.report(", or pass a list of all images")
 
 
-def _refuse_data(name: str, data: object) -> None:
-    """Raise TypeError for data that are no array, with what to save in place of them."""
-    if (advice := _ADVICE.get(type(data).__name__)) is not None:
-        raise TypeError(f"{name}: expected an array, got {type(data).__name__}; {advice}")
-
-
 def _check_shape(images: Iterable[npt.ArrayLike]) -> None:
     """Raise TypeError or ValueError if the images are, or look like, a single image or object."""
     if not isinstance(images, Bits | Readings):
-        _refuse_data("images", images)
+        refuse_data("images", images)
     shape = getattr(images, "shape", ())
     if len(shape) == 2:
         raise ValueError(
@@ -224,7 +209,6 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
 
     An image for display has finite values only.
     """
-    _refuse_data("image", image)
     refuse_masked("image", image, "pass image.filled(0), or another value for masked pixels")
     values = to_array("image", image)
     if values.dtype.kind not in "biuf":

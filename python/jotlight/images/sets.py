@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path, pattern_advice
-from jotlight.checks import as_image, positive_number
+from jotlight.checks import as_image, positive_number, refuse_image_path, shown
 from jotlight.errors import hide_warnings
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
@@ -206,3 +206,21 @@ def _fetch_images(url: str, folder: Path) -> None:
     for number, name in enumerate(names):
         with explained(name):
             fs.get_file(name, str(folder / f"{number:08}-{name.rpartition('/')[2]}"))
+
+
+def require_image_list(images: object, name: str = "images") -> None:
+    """Raise TypeError unless images are a sequence or an array. Messages call them `name`.
+
+    Examples
+    --------
+    >>> require_image_list(None)
+    Traceback (most recent call last):
+      ...
+    TypeError: images: expected an array (N, H, W) or a list of images, got None
+    """
+    refuse_image_path(name, images, "[jotlight.read_image(path, gray=True) for path in paths]")
+    iterations = {"__iter__", "__getitem__"}.intersection(dir(images))
+    if not (iterations and hasattr(images, "__len__")):
+        raise TypeError(
+            f"{name}: expected an array (N, H, W) or a list of images, got {shown(images)}"
+        )

@@ -9,7 +9,7 @@ from operator import index
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked, shown
+from jotlight.checks import refuse_data, refuse_masked, shown
 from jotlight.sensing.response import Array
 from jotlight.sensing.values import as_doubles
 
@@ -60,6 +60,7 @@ def checked_shape(shape: Sequence[int]) -> tuple[int, ...]:
 def array_of_shape(name: str, array: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return an array of the given shape, or a stack with one more axis, in C order."""
     refuse_masked(name, array)
+    refuse_data(name, array)
     values = as_doubles(array)
     if shape not in (values.shape, values.shape[1:]):
         raise ValueError(f"{name}: expected shape {shape}, got {values.shape}")

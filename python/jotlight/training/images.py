@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_image, require_image_list
-from jotlight.images.sets import require_gray_stack
+from jotlight.checks import as_image
+from jotlight.images.sets import require_gray_stack, require_image_list
 
 ImageGenerator = Callable[[np.random.Generator, int], npt.NDArray[np.floating]]
 """A function of a random generator and a number N that returns N new images, (N, H, W)."""
