@@ -20,8 +20,8 @@ MAX_SHOWN = 8
 _ADVICE = {
     "Bits": "take one frame, bits[0], or bits.counts()",
     "Readings": "take one frame, readings[0], or readings.sum()",
-    "Merged": "merged.ones and merged.trials are its arrays; or take an estimate, such as "
-    "jotlight.reconstruct(merged)",
+    "Merged": "take an estimate, such as jotlight.reconstruct(merged), or its arrays, merged.ones "
+    "and merged.trials",
     "FilmImage": "take an estimate, such as jotlight.reconstruct(image.data)",
     "Uncertainty": "take one of its maps, such as uncertainty.standard_error",
 }
