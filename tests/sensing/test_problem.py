@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy import sparse
+from scipy.sparse import linalg
 
 import jotlight as jl
 
@@ -9,6 +11,53 @@ import jotlight as jl
 def test_an_operator_whose_light_does_not_fit_the_bits_is_refused():
     with pytest.raises(ValueError, match=r"operator: .* bits' shape \(4,\), got \(5,\)"):
         jl.Problem(jl.operators.spread((5,)), jl.Likelihood([0, 1, 1, 0]))
+
+
+class Blur:
+    """An operator of the caller that is no Operator."""
+
+    input_shape = output_shape = (4,)
+
+    def forward(self, image):
+        return image
+
+    adjoint = forward
+
+
+@pytest.mark.parametrize(
+    ("operator", "advice"),
+    [
+        (np.eye(4), r"got ndarray; a matrix A is jotlight.operators.Operator\(lambda x: A @ x"),
+        (sparse.eye_array(4), "; a matrix A is"),
+        (linalg.aslinearoperator(np.eye(4)), "; a LinearOperator A of SciPy, .*A.rmatvec"),
+        (Blur(), r"got Blur; pass jotlight.operators.Operator\(own.forward, own.adjoint"),
+        (None, "got NoneType"),
+    ],
+)
+def test_other_objects_than_operators_are_refused_with_how_to_wrap_them(operator, advice):
+    likelihood = jl.Likelihood([0, 1, 1, 0])
+    with pytest.raises(TypeError, match=rf"operator: expected a jotlight\.operators.*{advice}"):
+        jl.Problem(operator, likelihood)
+
+
+def test_the_advice_for_other_objects_works():
+    likelihood, matrix, own = jl.Likelihood([0, 1, 1, 0]), np.eye(4), Blur()
+    scipy_operator = linalg.aslinearoperator(matrix)
+    make = jl.operators.Operator
+    each = [
+        make(lambda x: matrix @ x, lambda y: matrix.T @ y, (4,), (4,)),
+        make(own.forward, own.adjoint, (4,), (4,)),
+        make(
+            lambda x: scipy_operator.matvec(x.ravel()).reshape((4,)),
+            lambda y: scipy_operator.rmatvec(y.ravel()).reshape((4,)),
+            (4,),
+            (4,),
+        ),
+    ]
+    expected = jl.admm_tv(jl.Problem(jl.operators.scaling((4,), 1.0), likelihood))
+    for operator in each:
+        found = jl.admm_tv(jl.Problem(operator, likelihood))
+        np.testing.assert_allclose(found, expected, atol=1e-2)
 
 
 def test_a_problem_without_any_bit_is_refused():

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.checks import positive_number
 from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.operators import Operator
+from jotlight.sensing.operators import Operator, require_operator
 from jotlight.sensing.response import (
     Array,
     detection_density,
@@ -30,7 +30,8 @@ class Problem:
     ----------
     operator : Operator
         A, which maps the image to the light of the likelihood's cells. No entry of A is negative.
-        :func:`jotlight.sensing.operators.spread` returns the operator of a sensor.
+        :func:`jotlight.sensing.operators.spread` returns the operator of a sensor, and
+        :class:`jotlight.sensing.operators.Operator` makes one of your own two functions.
     likelihood : Likelihood
         ℓ, the likelihood of the cells' bits; or that of a stack of N images, with the cells of each
         along its first axis.
@@ -39,6 +40,8 @@ class Problem:
 
     Raises
     ------
+    TypeError
+        For a matrix, and other objects that are no `Operator`.
     ValueError
         When the operator's output does not have the shape of the likelihood's cells, or no cell
         has a bit.
@@ -61,6 +64,7 @@ class Problem:
     max_intensity: float = 1.0
 
     def __post_init__(self) -> None:
+        require_operator(self.operator)
         if self.operator.output_shape not in (self.likelihood.shape, self.likelihood.shape[1:]):
             raise ValueError(
                 f"operator: expected light of the bits' shape {self.likelihood.shape}, "
