@@ -25,7 +25,7 @@ box = jl.Sensor(oversampling=4, frames=4)
 sharp, history = jl.admm_tv(bits, sensor, return_history=True)
 print(f"ADMM took {history.iterations} iterations")
 estimates = {
-    "mle, box kernel assumed": jl.mle(jl.Bits(bits.packed, bits.width), box),
+    "mle, box kernel assumed": jl.mle(bits, box),
     "admm_tv": sharp,
 }
 

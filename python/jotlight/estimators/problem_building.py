@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from jotlight.estimators.mle import require_bits
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.merged import Merged
@@ -44,13 +43,6 @@ def build_problem(data: PreparedData, sensor: Sensor, threads: int | None) -> Pr
     (1, 1, 2)
     """
     images = gray_images(data)
-    for one in images.data:
-        recorded = one.sensor if isinstance(one, Bits) else None
-        if recorded is not None and recorded.kernel != sensor.kernel:
-            raise ValueError(
-                f"kernel: expected {recorded.kernel!r}, the kernel of the bits' own sensor, got "
-                f"{sensor.kernel!r}; Bits(bits.packed, bits.width) drops that sensor"
-            )
     pixels = images.count(sensor, threads)
     check_any_valid(pixels.trials)
     if sensor.kernel == "box" and not pixels.varies_within_pixels:

@@ -26,7 +26,7 @@ def warn_about_contradictions(
 
     These are the threshold, the mosaic, and the ratios of the gains of frames. Callers may know
     other parameters better than the data do, such as dark counts or the largest intensity, or
-    choose them.
+    choose them. With the box kernel, they choose the mean light of each pixel.
 
     Parameters
     ----------
