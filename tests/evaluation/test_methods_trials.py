@@ -61,9 +61,10 @@ def test_a_map_of_real_trials_with_zeros_works(run):
 @pytest.mark.slow
 def test_the_channels_of_merged_counts_are_estimated_one_by_one(run):
     trials = 16 + np.arange(32.0) * np.ones(IMAGE.shape)
-    color = np.stack([draw(trials, seed) for seed in range(3)], -1)
-    estimate = run(jl.Merged(color, np.stack([trials] * 3, -1), SENSOR, channel_axis=-1))
-    for channel in range(3):
+    # Of three channels, "held-out" estimates all together.
+    color = np.stack([draw(trials, seed) for seed in range(4)], -1)
+    estimate = run(jl.Merged(color, np.stack([trials] * 4, -1), SENSOR, channel_axis=-1))
+    for channel in range(4):
         alone = run(jl.Merged(color[..., channel], trials, SENSOR))
         np.testing.assert_allclose(estimate[..., channel], alone, atol=1e-6)
 
