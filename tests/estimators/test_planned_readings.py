@@ -52,6 +52,21 @@ def test_the_error_is_that_of_simulated_captures(options, frames, tolerance, par
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("light", "frames", "snr", "limit"), [(0.01, 1024, 0, 0.8), (0.01, 64, -10, 1.5)]
+)
+def test_plans_of_little_light_with_read_noise_are_as_optimistic_as_stated(
+    light, frames, snr, limit
+):
+    sensor = jl.Sensor(bit_depth=4, read_noise=0.4)
+    plan = jl.plan(sensor, light, frames=[frames], max_intensity=1.0)
+    assert snr <= 20 * np.log10(light / plan.rmse[0, 0]) < snr + 5
+    bits = sensor.replace(frames=frames, gain=float(frames)).expose(np.full((64, 64), light), rng=0)
+    error = np.sqrt(np.mean((jl.mle(bits).astype(float) - light) ** 2))
+    assert 0.3 < 20 * np.log10(error / plan.rmse[0, 0]) < limit
+
+
 def test_clipping_does_not_depend_on_the_number_of_frames():
     sensor = jl.Sensor(bit_depth=12)
     plan = jl.plan(sensor, (50, 100), frames=[16, 31, 33, 64, 10**7], max_intensity=60.0)
