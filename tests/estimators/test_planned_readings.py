@@ -62,7 +62,9 @@ def test_plans_of_little_light_with_read_noise_are_as_optimistic_as_stated(
     sensor = jl.Sensor(bit_depth=4, read_noise=0.4)
     plan = jl.plan(sensor, light, frames=[frames], max_intensity=1.0)
     assert snr <= 20 * np.log10(light / plan.rmse[0, 0]) < snr + 5
-    bits = sensor.replace(frames=frames, gain=float(frames)).expose(np.full((64, 64), light), rng=0)
+    bits = sensor.replace(frames=frames, gain=float(frames)).expose(
+        np.full((128, 128), light), rng=0
+    )
     error = np.sqrt(np.mean((jl.mle(bits).astype(float) - light) ** 2))
     assert 0.3 < 20 * np.log10(error / plan.rmse[0, 0]) < limit
 
