@@ -52,7 +52,6 @@ def test_the_error_is_that_of_simulated_captures(options, frames, tolerance, par
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("light", "frames", "snr", "limit"), [(0.01, 1024, 0, 0.8), (0.01, 64, -10, 1.5)]
 )
@@ -69,6 +68,7 @@ def test_plans_of_little_light_with_read_noise_are_as_optimistic_as_stated(
     assert 0.3 < 20 * np.log10(error / plan.rmse[0, 0]) < limit
 
 
+@pytest.mark.slow
 def test_clipping_does_not_depend_on_the_number_of_frames():
     sensor = jl.Sensor(bit_depth=12)
     plan = jl.plan(sensor, (50, 100), frames=[16, 31, 33, 64, 10**7], max_intensity=60.0)
