@@ -1,9 +1,12 @@
 """The origin of a result, as `jotlight info` shows it."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
+
+from jotlight.cli.origins import film_facts
 
 READ = ("--frame-range", "16:48", "--rotate", "90")
 
@@ -47,3 +50,17 @@ def test_a_damaged_provenance_is_called_damaged(run, captures):
     record.write_text(json.dumps(content))
     lines = " ".join(origin_lines(run, "y.npy"))
     assert "provenance damaged (provenance: expected an object with format, name" in lines
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+def test_pipes_are_no_images_of_a_film(tmp_path):
+    os.mkfifo(tmp_path / "0.png")
+    assert film_facts(tmp_path) == []
+
+
+def test_images_of_a_film_lie_in_its_folder(tmp_path):
+    (tmp_path / "film").mkdir()
+    (tmp_path / "outside.png").touch()
+    (tmp_path / "film/0.png").symlink_to(tmp_path / "outside.png")
+    with pytest.raises(ValueError, match="outside of the folder"):
+        film_facts(tmp_path / "film")

@@ -48,13 +48,69 @@ def test_links_in_an_unfinished_folder_lead_to_no_file_outside_of_it(tmp_path):
     store.create()
     outside = tmp_path / "outside"
     outside.write_text("old")
-    store._marker(0).symlink_to(outside)
+    (store.part / "groups/0.json").symlink_to(outside)
     with pytest.raises(ValueError, match=r"leads to .*outside, which is outside of the folder"):
         fill(store)
-    store._chunk(1).unlink()
-    store._chunk(1).symlink_to(outside)
+    image = store.part / "video.zarr/c.1.0.0"
+    image.unlink()
+    image.symlink_to(outside)
     store.write_image(1, np.zeros((3, 4), np.float32))
     assert outside.read_text() == "old"
+
+
+@pytest.mark.parametrize("name", ["groups", "video.zarr"])
+def test_links_of_an_unfinished_folder_lead_to_no_folder_outside_of_it(tmp_path, name):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    outside = tmp_path / "outside"
+    (store.part / name).rename(outside)
+    (outside / "c.0.0.0").write_bytes(b"damaged")
+    (store.part / name).symlink_to(outside)
+    before = {path.name: path.read_bytes() for path in outside.iterdir()}
+    with pytest.raises(ValueError, match=r"leads to .*which is outside of the folder"):
+        store.finish()
+    with pytest.raises(ValueError, match=r"leads to .*which is outside of the folder"):
+        fill(store)
+    assert {path.name: path.read_bytes() for path in outside.iterdir()} == before
+
+
+@pytest.mark.parametrize("group", [1, 2**31])
+def test_a_stated_number_of_images_without_files_takes_no_time_and_no_memory(tmp_path, group):
+    part = tmp_path / "v.zarr.part"
+    (part / "groups").mkdir(parents=True)
+    (part / "video.zarr").mkdir()
+    content = {"run": RUN, "group": group, "shape": [2**31 - 1, 1, 1]}
+    (part / "run.json").write_text(json.dumps(content))
+    store = open_unfinished(part)
+    with pytest.raises(ValueError, match=f"{store.groups} of its {store.groups} groups .*missing"):
+        store.finish()
+    store.mark(0, FACTS)
+    with pytest.raises(ValueError, match=r"1 of its 1 groups .*damaged|groups of images are miss"):
+        store.finish()
+
+
+def test_a_finished_array_that_states_many_images_takes_no_time_and_no_memory(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    store.finish()
+    description = json.loads((store.path / "zarr.json").read_text())
+    description["shape"] = [2**31 - 1, 3, 4]
+    (store.path / "zarr.json").write_text(json.dumps(description))
+    for check in (open_finished(store.path).check_files, open_finished(store.path).check_images):
+        with pytest.raises(ValueError, match=r"2147483642 of its 2147483647 .* such as c\.5\.0\.0"):
+            check()
+
+
+def test_a_hostile_description_of_the_array_is_replaced(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    outside = tmp_path / "outside"
+    outside.write_text("{}")
+    (store.part / "video.zarr/zarr.json").unlink()
+    (store.part / "video.zarr/zarr.json").symlink_to(outside)
+    store.finish()
+    assert outside.read_text() == "{}"
+    assert zarr.open_array(str(store.path), mode="r").shape == store.shape
 
 
 def test_a_flipped_bit_is_detected(tmp_path):
@@ -126,7 +182,7 @@ def test_another_process_may_finish_first(tmp_path, monkeypatch):
         if not store.path.exists():
             shutil.copytree(store.part / "video.zarr", store.path, dirs_exist_ok=True)
 
-    monkeypatch.setattr("jotlight.dask.store.flush_to_disk", flush)
+    monkeypatch.setattr("jotlight.dask.image_files.flush_to_disk", flush)
     store.finish()
     assert store.is_complete()
     assert not store.part.exists()
@@ -286,7 +342,7 @@ def test_a_name_may_be_as_long_as_that_of_the_unfinished_video(tmp_path):
 def test_failed_writes_name_the_video(tmp_path):
     store = store_at(tmp_path / "v.zarr")
     store.create()
-    store._chunk(1).mkdir()
+    (store.part / "video.zarr/c.1.0.0").mkdir()
     with pytest.raises(OSError, match=r"cannot write .*v\.zarr: Is a directory"):
         store.write_image(1, np.zeros(store.shape[1:], store.dtype))
     (tmp_path / "file").touch()

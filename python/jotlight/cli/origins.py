@@ -11,6 +11,7 @@ from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
 from jotlight.dask.store import PART, open_finished, open_unfinished
 from jotlight.formats.checksums import file_checksum
+from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image, read_note
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
@@ -31,8 +32,8 @@ def video_facts(path: Path) -> Facts:
     """Return the rows about a zarr folder of images, finished or not; none for other folders."""
     if _is_unfinished(path):
         store = open_unfinished(path)
-        done = store.groups - len(store.missing())
-        state = f"unfinished: {done} of {store.groups} groups of images"
+        done = store.markers.done()
+        state = f"unfinished: {len(done)} of {store.groups} groups of images"
         return [("kind", f"video, {state}"), _images(store.shape), *_run_facts(store.run)]
     if not _is_finished(path):
         return []
@@ -53,8 +54,8 @@ def film_facts(path: Path) -> Facts:
     if path.suffix.lower() == ".gif" and path.is_file():
         shape = _shape_of_gif(path)
         return [("kind", "film"), _images(shape), *(origin_facts(path) or unknown)] if shape else []
-    images = sorted(path.glob("*.png")) if path.is_dir() else []
-    facts = (origin_facts(path) or _note_facts(images[0])) if images else []
+    images = sorted(filter(Path.is_file, path.glob("*.png"))) if path.is_dir() else []
+    facts = (origin_facts(path) or _note_facts(check_inside(images[0], path))) if images else []
     if not is_film(facts):
         return []
     return [("kind", "film"), _images((len(images), *read_image(images[0]).shape)), *facts]

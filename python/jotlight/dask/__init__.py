@@ -20,7 +20,8 @@ In reading order:
   ``capture_source``: a capture, as each of them opens it.
   ``cluster``, ``preload``: workers on this machine, or a scheduler. ``gathering``: the parts of a
   job array.
-- ``store``, ``image_files``, ``records``: results in zarr arrays, and what they were made of.
+- ``store``, ``image_files``, ``markers``, ``records``: results in zarr arrays, the files of their
+  images, which groups of them are complete, and what they were made of.
 """
 
 from jotlight.dask.calibration import LazyCalibration, calibrate

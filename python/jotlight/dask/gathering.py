@@ -5,6 +5,7 @@ from pathlib import Path
 
 from jotlight.dask.store import PART, open_unfinished
 from jotlight.errors import error_message
+from jotlight.formats.safe_paths import check_inside
 
 
 def find_unfinished(folders: Iterable[Path]) -> list[Path]:
@@ -40,10 +41,9 @@ def gather_results(
     paths = list(parts)
     for index, path in enumerate(paths):
         try:
-            store = open_unfinished(path)
-            missing = store.missing()
-            if missing:
-                unfinished[path] = f"{len(missing)} of its {store.groups} groups are missing"
+            store = open_unfinished(check_inside(path, path.parent))
+            if missing := store.groups - len(store.markers.done()):
+                unfinished[path] = f"{missing} of its {store.groups} groups are missing"
             else:
                 store.finish()
                 finished.append(store.path)

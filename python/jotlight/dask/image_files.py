@@ -1,8 +1,11 @@
 """Files of the images of a video. Each ends in its CRC-32C, as the chunks of zarr arrays may."""
 
+import dataclasses
 import errno
 import itertools
+import math
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -10,6 +13,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
+from jotlight.files import flush_to_disk
+from jotlight.formats.safe_paths import check_inside
+
+_CHECKSUM_BYTES = 4
+
+_BLOCK_BYTES = 1 << 24
+"""Number of bytes that are read at a time."""
 
 _FILES = 4
 """Number of files that are checked, or flushed to the disk, at a time."""
@@ -30,26 +41,12 @@ def write_image(path: Path, image: npt.NDArray[Any]) -> None:
 
     data: Any = image.reshape(-1).view(np.uint8)
     with path.open("wb", buffering=0) as file:
-        for content in (data, google_crc32c.value(data).to_bytes(4, "little")):
+        for content in (data, google_crc32c.value(data).to_bytes(_CHECKSUM_BYTES, "little")):
             if file.write(content) != len(content):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         if hasattr(os, "posix_fadvise"):
             # Linux then begins to write the image, and later waits less for the disk.
             os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
-
-
-def is_intact(path: Path, size: int) -> bool:
-    """Return whether the file of an image of `size` bytes is complete.
-
-    A power failure may have damaged it.
-    """
-    import google_crc32c
-
-    if not path.is_file() or path.stat().st_size != size + 4:
-        return False
-    content = np.frombuffer(path.read_bytes(), np.uint8)  # whose parts are not copies
-    value: int = google_crc32c.value(content[:size])
-    return value.to_bytes(4, "little") == content[size:].tobytes()
 
 
 def map_in_threads(function: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
@@ -64,3 +61,81 @@ def map_in_threads(function: Callable[[S], T], items: Iterable[S]) -> Iterator[T
     with ThreadPoolExecutor(_FILES) as threads:
         while batch := list(itertools.islice(left, _FILES**2)):
             yield from threads.map(function, batch)
+
+
+@dataclasses.dataclass(frozen=True)
+class ImageFiles:
+    """The files of the images of a zarr array, of which each is a chunk.
+
+    Parameters
+    ----------
+    folder : path
+        The zarr array.
+    shape : tuple of int
+        (N, H, W) or (N, H, W, C).
+    dtype : str
+        Type of the values.
+    """
+
+    folder: Path
+    shape: tuple[int, ...]
+    dtype: str
+
+    @property
+    def nbytes(self) -> int:
+        """Number of bytes of an image, without its checksum."""
+        return math.prod(self.shape[1:]) * np.dtype(self.dtype).itemsize
+
+    def path(self, index: int) -> Path:
+        """Return the file of an image.
+
+        Examples
+        --------
+        >>> ImageFiles(Path("v.zarr"), (9, 3, 4), "float32").path(7).name
+        'c.7.0.0'
+        """
+        return self.folder / f"c.{index}{'.0' * len(self.shape[1:])}"
+
+    def find(self) -> set[int]:
+        """Return the numbers of the images whose files have the right size.
+
+        A damaged description may state any N. So the time depends on the number of files only.
+
+        Raises
+        ------
+        OSError, ValueError
+            When the folder cannot be read, or a link leads out of it.
+        """
+        pattern = re.compile(r"c\.(0|[1-9]\d*)" + r"\.0" * len(self.shape[1:]))
+        found = set()
+        with os.scandir(self.folder) as entries:
+            for entry in entries:
+                match = pattern.fullmatch(entry.name)
+                if match is None or int(match[1]) >= self.shape[0]:
+                    continue
+                if entry.is_symlink():
+                    check_inside(Path(entry.path), self.folder)
+                if entry.is_file() and entry.stat().st_size == self.nbytes + _CHECKSUM_BYTES:
+                    found.add(int(match[1]))
+        return found
+
+    def are_intact(self, indices: Iterable[int]) -> Iterator[bool]:
+        """Yield whether each of some images matches its checksum."""
+        return map_in_threads(self._is_intact, map(self.path, indices))
+
+    def flush(self) -> None:
+        """Wait until all images are on the disk."""
+        for _ in map_in_threads(flush_to_disk, map(self.path, range(self.shape[0]))):
+            pass
+        flush_to_disk(self.folder)
+
+    def _is_intact(self, path: Path) -> bool:
+        import google_crc32c
+
+        checksum = google_crc32c.Checksum()
+        with path.open("rb") as file:
+            # The memory does not depend on a size that a damaged file states.
+            for start in range(0, self.nbytes, _BLOCK_BYTES):
+                checksum.update(file.read(min(_BLOCK_BYTES, self.nbytes - start)))
+            stored = file.read(_CHECKSUM_BYTES)
+        return int.from_bytes(stored, "little") == int.from_bytes(checksum.digest(), "big")

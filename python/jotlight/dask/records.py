@@ -1,6 +1,7 @@
 """Records of results: what they were made of, and how."""
 
 import json
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +100,10 @@ def _short(value: Any) -> str:
 
 def read_json(path: Path) -> Record:
     """Return an object of JSON from a file that may be damaged."""
-    if path.stat().st_size > _MAX_JSON_BYTES:
+    state = path.stat()
+    if not stat.S_ISREG(state.st_mode):  # reading a pipe would wait for a program that writes
+        raise ValueError(f"{path}: is damaged: expected a file")
+    if state.st_size > _MAX_JSON_BYTES:
         raise ValueError(f"{path}: expected at most {_MAX_JSON_BYTES} bytes; it is damaged")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

@@ -14,19 +14,19 @@ import contextlib
 import dataclasses
 import json
 import math
-import os
 import shutil
 import uuid
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.dask.image_files import is_intact, map_in_threads, write_image
+from jotlight.dask.image_files import ImageFiles, write_image
+from jotlight.dask.markers import Markers, summarize
 from jotlight.dask.records import ATTRIBUTE, Record, check_same_run, read_json, read_record
-from jotlight.dask.streaming import Checksum
 from jotlight.files import (
     create_parent,
     explained_creation,
@@ -77,6 +77,11 @@ class VideoStore:
         return -(-self.shape[0] // self.group)
 
     @property
+    def markers(self) -> Markers:
+        """The files that note which groups are complete."""
+        return Markers(self.part, self.groups)
+
+    @property
     def nbytes(self) -> int:
         """Number of bytes of the array."""
         return math.prod(self.shape) * np.dtype(self.dtype).itemsize
@@ -96,18 +101,16 @@ class VideoStore:
             self.check_files()
             return True
         if self.part.exists():
-            stored = read_json(self.part / "run.json")
+            stored = read_json(check_inside(self.part / "run.json", self.part))
             check_same_run(self.part, stored.get("run"), self.run)
         return False
 
     def check_files(self) -> None:
         """Raise ValueError unless each image of the finished array has a file of its size."""
-        expected = self.nbytes // self.shape[0] + 4
-        with os.scandir(self.path) as entries:
-            sizes = {entry.name: entry.stat().st_size for entry in entries}
-        names = map(self._chunk_name, range(self.shape[0]))
-        missing = [name for name in names if sizes.get(name) != expected]
-        self._refuse_images(missing, "are missing or incomplete")
+        number, found = self.shape[0], self._files(self.path).find()
+        if len(found) < number:
+            example = next(index for index in range(number) if index not in found)
+            self._refuse_images(number - len(found), example, "are missing or incomplete")
 
     def check_images(self, progress: Callable[[float], object] = lambda fraction: None) -> None:
         """Raise ValueError unless each image of the finished array matches its checksum.
@@ -116,20 +119,20 @@ class VideoStore:
         """
         self.check_files()
         number, damaged = self.shape[0], []
-        paths = (self.path / self._chunk_name(index) for index in range(number))
-        for index, intact in enumerate(map_in_threads(self._is_intact, paths)):
+        for index, intact in enumerate(self._files(self.path).are_intact(range(number))):
             if not intact:
-                damaged.append(self._chunk_name(index))
+                damaged.append(index)
             progress((index + 1) / number)
-        self._refuse_images(damaged, "do not match their checksums")
+        if damaged:
+            self._refuse_images(len(damaged), damaged[0], "do not match their checksums")
 
-    def _refuse_images(self, names: list[str], reason: str) -> None:
-        """Raise ValueError if there are files of images to refuse for a reason."""
-        if names:
-            raise ValueError(
-                f"{self.path}: {len(names)} of its {self.shape[0]} images {reason}, such as "
-                f"{names[0]}; restore it from a copy, or delete it to make it again"
-            )
+    def _refuse_images(self, number: int, example: int, reason: str) -> NoReturn:
+        """Raise ValueError because there is a reason to refuse a number of images."""
+        name = self._files(self.path).path(example).name
+        raise ValueError(
+            f"{self.path}: {number} of its {self.shape[0]} images {reason}, such as {name}; "
+            "restore it from a copy, or delete it to make it again"
+        )
 
     def resumed(self) -> "VideoStore":
         """Return the store with the size of the groups with which the same run began it."""
@@ -166,20 +169,24 @@ class VideoStore:
 
     def _create_in(self, temporary: Path) -> None:
         """Create the array, and the files that describe it, in a new folder."""
-        zarr = import_zarr()
-        codecs = zarr.codecs
         (temporary / "groups").mkdir()
+        self._create_array(temporary / "video.zarr", {})
+        content = {"run": self.run, "group": self.group, "shape": list(self.shape)}
+        write_file(temporary / "run.json", json.dumps(content, indent=1), output=self.path)
+
+    def _create_array(self, folder: Path, attributes: Record) -> None:
+        """Create an array of which no image is written."""
+        zarr = import_zarr()
         zarr.create_array(
-            str(temporary / "video.zarr"),
+            str(folder),
             shape=self.shape,
             chunks=(1, *self.shape[1:]),
             dtype=self.dtype,
-            compressors=[codecs.Crc32cCodec()],
+            compressors=[zarr.codecs.Crc32cCodec()],
+            attributes=attributes,
             # Folders for the rows and columns of each image would take as long as counting it.
             chunk_key_encoding={"name": "default", "separator": "."},
         )
-        content = {"run": self.run, "group": self.group, "shape": list(self.shape)}
-        write_file(temporary / "run.json", json.dumps(content, indent=1), output=self.path)
 
     def write_image(self, index: int, image: npt.NDArray[Any]) -> None:
         """Write an image. Its file is a chunk of the array.
@@ -191,16 +198,14 @@ class VideoStore:
         content = np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<"))
         with explained_failure(self.path, temporary):
             write_image(temporary, content)
-            temporary.replace(self._chunk(index))
+            temporary.replace(self._files(self._array()).path(index))
 
-    def _chunk(self, index: int) -> Path:
-        return self.part / "video.zarr" / self._chunk_name(index)
+    def _array(self) -> Path:
+        """Return the unfinished array. Its folder may come from a stranger."""
+        return check_inside(self.part / "video.zarr", self.part)
 
-    def _chunk_name(self, index: int) -> str:
-        return ".".join(["c", str(index), *["0"] * len(self.shape[1:])])
-
-    def _is_intact(self, path: Path) -> bool:
-        return is_intact(path, self.nbytes // self.shape[0])
+    def _files(self, array: Path) -> ImageFiles:
+        return ImageFiles(array, self.shape, self.dtype)
 
     @property
     def missing_nbytes(self) -> int:
@@ -218,14 +223,12 @@ class VideoStore:
 
         Nothing waits for the disk: :meth:`finish` finds what a power failure has damaged.
         """
-        # The folder of an interrupted run may come from a stranger.
-        marker = check_inside(self._marker(group), self.part)
-        write_file(marker, json.dumps(facts), durable=False, output=self.path)
+        self.markers.write(group, facts, self.path)
 
     def missing(self) -> list[int]:
         """Return the numbers of the groups that are not complete."""
-        done = {path.stem for path in (self.part / "groups").glob("[0-9]*.json")}
-        return [group for group in range(self.groups) if str(group) not in done]
+        done = self.markers.done()
+        return [group for group in range(self.groups) if group not in done]
 
     def finish(self) -> None:
         """Write the record of a complete array, and rename it.
@@ -238,18 +241,13 @@ class VideoStore:
         if self.is_complete():
             shutil.rmtree(self.part, ignore_errors=True)
             return
-        if missing := self.missing():
+        if missing := self.groups - len(self.markers.done()):
             raise ValueError(
-                f"{self.part}: {len(missing)} of its {self.groups} groups of images are missing"
+                f"{self.part}: {missing} of its {self.groups} groups of images are missing"
             )
-        record = {"run": self.run, **_summary(self._checked_facts())}
-        zarr = import_zarr()
-        array = self.part / "video.zarr"
-        with explained_failure(self.path, array):
-            zarr.open_array(str(array), mode="r+").attrs[ATTRIBUTE] = record
-        files = (Path(folder, name) for folder, _, names in os.walk(array) for name in names)
-        for _ in map_in_threads(flush_to_disk, files):
-            pass
+        array = self._array()
+        self._write_record({"run": self.run, **summarize(self._checked_facts(array))}, array)
+        self._files(array).flush()
         try:
             array.rename(self.path)
         except OSError:
@@ -258,29 +256,38 @@ class VideoStore:
         flush_to_disk(self.path.parent)
         shutil.rmtree(self.part, ignore_errors=True)
 
-    def _checked_facts(self) -> list[Record]:
+    def _write_record(self, record: Record, array: Path) -> None:
+        """Replace the description of an array by one that has a record as an attribute."""
+        temporary = self.part / f"array-{uuid.uuid4().hex}"
+        with explained_failure(self.path, temporary):
+            self._create_array(temporary, {ATTRIBUTE: record})
+            flush_to_disk(temporary / "zarr.json")
+            (temporary / "zarr.json").replace(array / "zarr.json")
+
+    def _checked_facts(self, array: Path) -> list[Record]:
         """Return the facts of all groups, after comparing the checksum of each image."""
-        facts, damaged = [], set()
+        files = self._files(array)
+        found = sorted(files.find())
+        intact = Counter(
+            index // self.group
+            for index, is_whole in zip(found, files.are_intact(found), strict=True)
+            if is_whole
+        )
+        facts, damaged = [], []
         for group in range(self.groups):
-            try:
-                facts.append(read_json(self._marker(group)))
-            except ValueError:
-                damaged.add(group)
-        chunks = map(self._chunk, range(self.shape[0]))
-        for index, intact in enumerate(map_in_threads(self._is_intact, chunks)):
-            if not intact:
-                damaged.add(index // self.group)
+            known = self.markers.read(group)
+            if known is None or intact[group] < len(self.images_of(group)):
+                damaged.append(group)
+            else:
+                facts.append(known)
         for group in damaged:
-            self._marker(group).unlink(missing_ok=True)
+            self.markers.delete(group)
         if damaged:
             raise ValueError(
                 f"{self.part}: {len(damaged)} of its {self.groups} groups of images were damaged, "
                 "for example by a power failure; run the command again, which makes them again"
             )
         return facts
-
-    def _marker(self, group: int) -> Path:
-        return self.part / "groups" / f"{group}.json"
 
 
 def open_unfinished(part: Path) -> VideoStore:
@@ -291,7 +298,7 @@ def open_unfinished(part: Path) -> VideoStore:
     OSError, ValueError
         When the folder is damaged, or is something else.
     """
-    content = read_json(part / "run.json")
+    content = read_json(check_inside(part / "run.json", part))
     path = part.with_name(part.name.removesuffix(PART))
     if store := _store(path, content, content.get("run"), content.get("group")):
         return store
@@ -317,24 +324,11 @@ def _store(path: Path, content: Record, run: Any, group: Any) -> VideoStore | No
     if (
         isinstance(run, dict)
         and run.get("values") in ("float32", "int32")
-        and isinstance(group, int)
+        and type(group) is int
         and group > 0
         and isinstance(shape, list)
         and len(shape) in (3, 4)
-        and all(isinstance(size, int) and 0 < size < 2**31 for size in shape)
+        and all(type(size) is int and 0 < size < 2**31 for size in shape)
     ):
         return VideoStore(path, run, tuple(shape), run["values"], group)
     return None
-
-
-def _summary(facts: Iterable[Record]) -> Record:
-    """Return the checksum of all frames that were read, and the range of the values."""
-    total, low, high = Checksum(), math.inf, -math.inf
-    for each in facts:
-        total.append(int(each["crc32"], 16), int(each["bytes"]))
-        low, high = min(low, each["minimum"]), max(high, each["maximum"])
-    return {
-        "input": {"packed_bytes": total.size, "packed_crc32": f"{total.value:08x}"},
-        "minimum": low,
-        "maximum": high,
-    }
