@@ -59,6 +59,25 @@ def test_a_strip_that_is_too_long_is_not_decoded(tmp_path):
         jl.open(tmp_path / "a.tif")
 
 
+def tiff_of_one_tile(side):
+    """Return a TIFF file of 8 x 8 pixels with one tile, whose content has 16 x 16 of them."""
+    tile = zlib.compress(bytes(256))
+    tags = [(256, 8), (257, 8), (258, 8), (259, ZLIB), (262, 1), (322, side), (323, side)]
+    tags += [(324, 122), (325, len(tile))]
+    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
+    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + bytes(4) + tile
+
+
+@pytest.mark.parametrize("read", [read_image, jl.open])
+def test_a_tile_that_is_much_larger_than_its_image_is_refused(tmp_path, read):
+    path = tmp_path / "a.tif"
+    path.write_bytes(tiff_of_one_tile(side=16))
+    assert np.asarray(read_image(path)).shape == (8, 8)
+    path.write_bytes(tiff_of_one_tile(side=32768))
+    with pytest.raises(ValueError, match=r"a\.tif: .*strip or tile: .* frames of at most 67108864"):
+        read(path)
+
+
 def test_packbits_strips_that_decode_into_too_much_are_refused(tmp_path):
     write_strip(tmp_path / "a.tif", b"\x81\x00" * 4000, PACKBITS)
     with pytest.raises(ValueError, match=r"a\.tif: .*more than the expected 6000 bytes"):

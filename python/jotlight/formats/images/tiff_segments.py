@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.formats.limits import check_frame_size
+
 _STREAMS: dict[int, Callable[[], Any]] = {
     8: zlib.decompressobj,
     32946: zlib.decompressobj,
@@ -27,6 +29,8 @@ _MAX_PACKBITS_BYTES = 1 << 22
 def check_segments(file: Any, page: Any) -> None:
     """Raise ValueError if a strip or tile of a page is missing, or decodes into too many bytes.
 
+    A tile may be much larger than its image.
+
     Parameters
     ----------
     file : TiffFile
@@ -44,6 +48,7 @@ def check_segments(file: Any, page: Any) -> None:
             f"and {len(page.databytecounts)}, of which {places.count(0)} are 0; it is damaged or "
             "incomplete"
         )
+    check_frame_size("a strip or tile", expected, file.filehandle.size)
     # Compression makes random data a little longer.
     max_stored = 2 * expected + _SMALL_BYTES
     compression = int(keyframe.compression)
