@@ -71,7 +71,7 @@ def _shape_of_gif(path: Path) -> tuple[int, ...]:
     from PIL import Image
 
     try:
-        with Image.open(path) as file:
+        with Image.open(path, formats=("GIF",)) as file:
             number = getattr(file, "n_frames", 1)
             return (number, file.height, file.width) if number > 1 else ()
     except Exception:  # any type: reading the file as an image reports the error

@@ -33,6 +33,10 @@ DISPLAYED = (".png", ".jpg", ".jpeg")
 FLOATS = (".tif", ".tiff", ".exr", ".npy")
 """Endings of images that keep floats. They are never clipped."""
 
+_READ = ("PNG", "JPEG", "BMP", "WEBP", "PPM", "GIF")
+"""Formats that Pillow may open. It would pass PostScript to another program, and some of its other
+formats allocate memory before their sizes are checked. PPM includes PGM."""
+
 _PNG = {"compress_type": zlib.Z_RLE}
 """Options of a PNG of 8 bits.
 
@@ -52,7 +56,7 @@ def read_image(
     Parameters
     ----------
     path : path
-        PNG, JPEG, any other format that Pillow reads, TIFF, OpenEXR, or `.npy`.
+        PNG, JPEG, BMP, WebP, PGM, PPM, the first image of a GIF, TIFF, OpenEXR, or `.npy`.
     white : float, optional
         The level that becomes intensity 1. Default: the full scale of 8-bit photographs and of
         16-bit PNG, and 1 for floats and bool. Other integers require `white`.
@@ -152,7 +156,8 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
             stream = stack.enter_context(path.open("rb"))
             png = checked_png(stream)
             # Pillow limits the number of pixels; the size of a PNG has been checked.
-            file = stack.enter_context((PngImageFile if png else Image.open)(stream))
+            opened = PngImageFile(stream) if png else Image.open(stream, formats=_READ)
+            file = stack.enter_context(opened)
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
             if png is not None and png.depth == 16 and png.color_type != GRAYSCALE:
@@ -169,7 +174,10 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
                 image = image.convert("L" if image.mode in ("1", "LA") else "RGB")
             return np.asarray(image), 255.0
     except UnidentifiedImageError as error:
-        raise ValueError(f"{path}: expected an image, but no known format fits") from error
+        raise ValueError(
+            f"{path}: expected an image, but no known format fits (PNG, JPEG, BMP, WebP, PGM, PPM, "
+            "GIF; the endings of TIFF, OpenEXR, and .npy tell their formats)"
+        ) from error
     except Image.DecompressionBombError as error:
         limit = 2 * (Image.MAX_IMAGE_PIXELS or 0)
         raise ValueError(
@@ -317,7 +325,7 @@ def read_note(path: str | os.PathLike[str]) -> dict[str, Any]:
         else:
             from PIL import Image as PillowImage
 
-            with PillowImage.open(path) as image:
+            with PillowImage.open(path, formats=("JPEG",)) as image:
                 text = image.info.get("comment", b"")
         content = json.loads(text)
     except Exception:  # any type: the file may be damaged, which its reader reports
