@@ -73,6 +73,25 @@ def test_a_file_cannot_refer_to_other_files_or_claim_more_than_it_holds(tmp_path
         jl.open(tmp_path / "a.h5")
 
 
+def test_the_files_of_a_virtual_data_set_are_not_opened(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "secret.h5", "w") as file:
+        file.create_dataset("x", (7, 8, 8), "u1", maxshape=(None, 8, 8))
+    layout = h5py.VirtualLayout((1, 8, 8), "u1", maxshape=(None, 8, 8))
+    source = h5py.VirtualSource(
+        str(tmp_path / "secret.h5"), "x", shape=(1, 8, 8), maxshape=(None, 8, 8)
+    )
+    unlimited = slice(0, h5py.h5s.UNLIMITED)
+    layout[unlimited] = source[unlimited]
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_virtual_dataset("x", layout)
+    # The library would have to open the source to know the shape, which is (7, 8, 8).
+    (found,) = Hdf5Library().list_data_sets(str(tmp_path / "a.h5"), "jotlight")
+    assert (found.elsewhere, found.shape) == (True, ())
+    with pytest.raises(ValueError, match="in other files"):
+        jl.open(tmp_path / "a.h5")
+
+
 @pytest.mark.parametrize("isolate", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_an_array_that_was_allocated_before_the_capture_is_read(tmp_path, isolate):
     h5py = pytest.importorskip("h5py")

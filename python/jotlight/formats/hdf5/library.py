@@ -56,7 +56,7 @@ class DataSet:
     """Number of chunks that were not written. 0 for a file at a URL, where counting them would
     read the whole index."""
     elsewhere: bool
-    """Whether the data are in other files."""
+    """Whether the data are in other files. Then the shape and the chunks are not known."""
     label: str | None
     """The text in the requested attribute, or None."""
     label_ignored: bool
@@ -102,7 +102,8 @@ class Hdf5Library:
         found: dict[str, Any] = {}
 
         def visit(name: str, item: Any) -> bool | None:
-            if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.ndim > 0:
+            is_numeric = isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf"
+            if is_numeric and (_is_elsewhere(item) or item.ndim > 0):
                 found[name] = item
             return True if len(found) >= _MAX_DATA_SETS else None
 
@@ -137,7 +138,17 @@ def _release_lock(file: Any) -> None:
         fcntl.flock(file.id.get_vfd_handle(), fcntl.LOCK_UN)
 
 
+def _is_elsewhere(item: Any) -> bool:
+    """Return whether the data of a data set are in other files.
+
+    To ask a virtual data set for its shape, the library would open these files.
+    """
+    return bool(item.external or item.is_virtual)
+
+
 def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
+    if _is_elsewhere(item):
+        return DataSet(path, name, (), item.dtype.str, 0, 0, 0, 0, True, None, False)
     label, ignored = None, False
     if attribute in item.attrs:
         ignored = item.attrs.get_id(attribute).dtype.kind != "S"
@@ -150,7 +161,7 @@ def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
         math.prod(item.chunks or (0,)) * item.dtype.itemsize,
         _count_chunk_frames(item),
         *_count_chunks(item),
-        bool(item.external or item.is_virtual),
+        False,
         label,
         ignored,
     )
