@@ -8,6 +8,7 @@ import pytest
 
 import jotlight as jl
 from examples.arrays import random_frames
+from jotlight.formats.arrays import open_npy_array
 
 
 def write_transforms(folder, frames, **content):
@@ -101,3 +102,53 @@ def test_a_file_that_is_no_description_is_refused(tmp_path, text):
     (tmp_path / "transforms.json").write_bytes(text.encode("latin1"))
     with pytest.raises(ValueError, match=r"transforms\.json"):
         jl.open(tmp_path)
+
+
+def test_each_file_is_opened_once(tmp_path, monkeypatch):
+    opened = []
+
+    def open_array(path):
+        opened.append(path.name)
+        return open_npy_array(path)
+
+    monkeypatch.setattr("jotlight.formats.visionsim.open_npy_array", open_array)
+    array = random_frames((40, 5, 12))
+    names = ["a.npy", "./a.npy", "b.npy", ".//b.npy"]
+    frames = [
+        {"file_path": names[2 * (index % 2) + index // 2 % 2], "offset": index // 2}
+        for index in range(40)
+    ]
+    folder = write_transforms(tmp_path / "set", frames, w=12, h=5, c=1)
+    for name, part in (("a", array[::2]), ("b", array[1::2])):
+        np.save(folder / f"{name}.npy", part.astype(np.uint8))
+    bits = jl.open(folder)
+    assert opened == ["a.npy", "b.npy"]
+    np.testing.assert_array_equal(bits.to_array(), array)
+    np.testing.assert_array_equal(bits[7:10].to_array(), array[7:10])
+
+
+def test_more_frames_than_the_files_have_are_refused(tmp_path):
+    folder = write_transforms(tmp_path / "set", [{"file_path": "a.npy"}] * 3, w=12, h=5)
+    np.save(folder / "a.npy", np.zeros((2, 5, 12), np.uint8))
+    with pytest.raises(ValueError, match=r"each frame once, got a list of 3 frames, .* hold 2"):
+        jl.open(folder)
+
+
+def test_a_file_of_bits_may_be_followed_by_one_of_several_bits(tmp_path):
+    frames = [{"file_path": "a.npy"}, {"file_path": "b.npy"}]
+    folder = write_transforms(tmp_path / "set", frames, w=12, h=5)
+    np.save(folder / "a.npy", np.zeros((1, 5, 12), np.uint8))
+    np.save(folder / "b.npy", np.full((1, 5, 12), 255 // 3, np.uint8))
+    np.testing.assert_array_equal(jl.open(folder, frames=slice(1, 2)), np.ones((5, 12)))
+
+
+@pytest.mark.parametrize(
+    "other", [np.zeros((1, 5, 13), np.uint8), np.zeros((1, 5, 12), bool)], ids=["width", "bool"]
+)
+def test_files_of_different_frames_are_refused(tmp_path, other):
+    frames = [{"file_path": "a.npy"}, {"file_path": "b.npy"}]
+    folder = write_transforms(tmp_path / "set", frames, h=5)
+    np.save(folder / "a.npy", np.full((1, 5, 12), 36, np.uint8))
+    np.save(folder / "b.npy", other)
+    with pytest.raises(ValueError, match="frames of one size"):
+        jl.open(folder)

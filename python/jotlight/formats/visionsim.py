@@ -1,8 +1,11 @@
 """Data sets of visionsim: a `transforms.json`, and `.npy` files of frames next to or below it."""
 
+import array
 import dataclasses
+import itertools
 import json
-from pathlib import Path
+from collections.abc import Iterator
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -20,7 +23,7 @@ from jotlight.formats.safe_paths import check_inside, resolve_below
 from jotlight.formats.scaled import unscale
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, concatenate, read_frames, read_in_chunks
+from jotlight.sensing.frames import Frames, read_frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
 _FILE_NAME = "transforms.json"
@@ -34,18 +37,23 @@ _MAX_PLANES = 127
 _MAX_OFFSET = 2**48
 """Upper limit of the index of a frame in its file."""
 
+_EXPECTED = "frames: expected at least one, and frames of one size"
+
+_Stack = npt.NDArray[Any] | Frames
+
 
 @dataclasses.dataclass(frozen=True)
-class _Run:
-    """Consecutive frames of one file."""
+class _Listing:
+    """The frames that a data set lists. A hostile one lists the same few files any number of times.
 
-    file: Any
-    """Name of the file, unchecked."""
-    start: int
-    stop: int | None
-    """Index after the last frame. None: all frames of the file."""
-    packed_axis: Any
-    """Axis along which bits are packed, 1 or 2, unchecked. None: the bits are not packed."""
+    So each file is opened and inspected once, and the rest is arithmetic on arrays.
+    """
+
+    files: list[tuple[str, int | None]]
+    """Names of the files, and the axes along which their bits are packed: 1, 2, or None."""
+    places: npt.NDArray[np.int64] | None
+    """(T, 2): for each frame, the index of its file, and its index in that file. None: all frames
+    of the only file."""
 
 
 def _is_visionsim(path: Path) -> bool:
@@ -80,39 +88,35 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 def _open_frames(path: Path, content: dict[str, Any], options: OpenOptions) -> Capture:
-    parts, widths, is_multibit = [], set(), False
-    for run in _list_runs(content):
-        array = open_npy_array(resolve_below(path, run.file, "file_path"))
-        if run.stop is not None and run.stop > len(array):
-            raise ValueError(
-                f"file_path: expected {run.stop} frames in {run.file}, got {len(array)}"
-            )
-        part = array[run.start : run.stop]
-        frames, width = _pack_along_width(part, run.packed_axis, content)
-        if run.packed_axis is None and not _has_bits(part):
-            is_multibit, frames = True, part
-        parts.append(frames)
-        widths.add(width)
-    if len(widths) != 1 or len({part.shape[1:] for part in parts}) != 1:
-        raise ValueError("frames: expected at least one, and frames of one size")
-    packed = concatenate(parts)
-    if is_multibit:
-        return _open_sums(packed, path, options)
+    listing = _list_frames(content)
+    stacks = [open_npy_array(resolve_below(path, name, "file_path")) for name, _ in listing.files]
+    _check_places(listing, stacks)
+    axes = [axis for _, axis in listing.files]
+    packed = [
+        _pack_along_width(stack, axis, content) for stack, axis in zip(stacks, axes, strict=True)
+    ]
+    widths = {width for _, width in packed}
+    if len(widths) != 1:
+        raise ValueError(_EXPECTED)
+    firsts = zip(_first_frames(listing, stacks), axes, strict=True)
+    if any(axis is None and not _has_bits(frame) for frame, axis in firsts):
+        return _open_sums(_select(stacks, listing.places), path, options)
+    frames = _select([stack for stack, _ in packed], listing.places)
     stated = len(content["frames"])
-    if len(packed) != stated:
+    if len(frames) != stated:
         warn(
-            f"{path}: lists {stated} frames, but there are {len(packed)}; only the smaller number "
+            f"{path}: lists {stated} frames, but there are {len(frames)}; only the smaller number "
             "is used"
         )
-        packed = packed[: min(stated, len(packed))]
+        frames = frames[: min(stated, len(frames))]
     provenance = Provenance("visionsim", path.parent.name or path.name)
-    return Bits(packed, widths.pop(), provenance=provenance)
+    return Bits(frames, widths.pop(), provenance=provenance)
 
 
-def _has_bits(frames: npt.NDArray[Any] | Frames) -> bool:
-    """Return whether the first frame has only two values, as those of single bits."""
-    levels = set(np.unique(np.asarray(frames[:1])).tolist())
-    return frames.dtype == np.bool_ or levels <= {0, 1} or levels <= {0, 255}
+def _has_bits(frame: _Stack) -> bool:
+    """Return whether a frame has only two values, as those of single bits."""
+    levels = set(np.unique(np.asarray(frame)).tolist())
+    return frame.dtype == np.bool_ or levels <= {0, 1} or levels <= {0, 255}
 
 
 def _open_sums(images: npt.NDArray[Any] | Frames, path: Path, options: OpenOptions) -> CountStack:
@@ -146,29 +150,89 @@ def _number_of_planes(values: npt.NDArray[Any]) -> int | None:
     return None
 
 
-def _list_runs(content: dict[str, Any]) -> list[_Run]:
-    """Return the runs of frames that the data set lists, in order."""
+def _list_frames(content: dict[str, Any]) -> _Listing:
+    """Return the frames that the data set lists, in order."""
     if "file_path" in content:
         axis = content.get("bitpack_dim", 2) if content.get("bitpack") else None
-        return [_Run(content["file_path"], 0, None, axis)]
-    runs: list[_Run] = []
+        return _Listing([(_check_name(content["file_path"]), _check_axis(axis))], None)
+    files: dict[tuple[str, int | None], int] = {}
+    places = array.array("q")
     for frame in content["frames"]:
         if not isinstance(frame, dict):
             raise ValueError(f"frames: expected objects, got {type(frame).__name__}")
-        file, offset = frame.get("file_path"), frame.get("offset", 0)
-        axis = frame.get("bitpack_dim", content.get("bitpack_dim"))
+        offset = frame.get("offset", 0)
         if type(offset) is not int or not 0 <= offset < _MAX_OFFSET:
             raise ValueError(f"offset: expected a whole number of 0 or more, got {offset!r}")
-        last = runs[-1] if runs else None
-        if last and (last.file, last.stop, last.packed_axis) == (file, offset, axis):
-            runs[-1] = dataclasses.replace(last, stop=offset + 1)
-        else:
-            runs.append(_Run(file, offset, offset + 1, axis))
-    return runs
+        axis = _check_axis(frame.get("bitpack_dim", content.get("bitpack_dim")))
+        key = _check_name(frame.get("file_path")), axis
+        places.extend((files.setdefault(key, len(files)), offset))
+    return _Listing(list(files), np.asarray(places).reshape(-1, 2))
+
+
+def _check_name(name: object) -> str:
+    """Return the name of a file, without the parts that would be different names of one file."""
+    if not isinstance(name, str):
+        raise ValueError(f"file_path: expected the name of a file in the same folder, got {name!r}")
+    return str(PurePath(name)) if name else name
+
+
+def _check_axis(axis: Any) -> int | None:
+    if axis not in (None, 1, 2):
+        raise ValueError(f"bitpack_dim: expected 1 or 2, the height or the width, got {axis!r}")
+    return None if axis is None else int(axis)
+
+
+def _check_places(listing: _Listing, stacks: list[_Stack]) -> None:
+    """Raise ValueError unless all listed frames exist, and are at most as many as all frames."""
+    if listing.places is None:
+        return
+    ends = np.zeros(len(stacks), np.int64)
+    np.maximum.at(ends, listing.places[:, 0], listing.places[:, 1] + 1)
+    for stack, end, (name, _) in zip(stacks, ends.tolist(), listing.files, strict=True):
+        if end > len(stack):
+            raise ValueError(f"file_path: expected {end} frames in {name}, got {len(stack)}")
+    stated, stored = len(listing.places), sum(map(len, stacks))
+    if stated > stored:
+        raise ValueError(
+            f"frames: expected each frame once, got a list of {stated} frames, but the files hold "
+            f"{stored}"
+        )
+
+
+def _first_frames(listing: _Listing, stacks: list[_Stack]) -> Iterator[_Stack]:
+    """Yield the first listed frame of each file."""
+    firsts = np.zeros(len(stacks), np.int64)
+    if listing.places is not None:
+        _, indices = np.unique(listing.places[:, 0], return_index=True)
+        firsts = listing.places[indices, 1]
+    for stack, first in zip(stacks, firsts.tolist(), strict=True):
+        yield stack[first : first + 1]
+
+
+def _select(stacks: list[_Stack], places: npt.NDArray[np.int64] | None) -> _Stack:
+    """Return the frames at some places as one stack, without reading them."""
+    if len({(stack.shape[1:], stack.dtype) for stack in stacks}) != 1:
+        raise ValueError(_EXPECTED)
+    if places is None:
+        return stacks[0]
+    follows = (np.diff(places, axis=0) == (0, 1)).all(axis=1)
+    starts = np.concatenate([[0], 1 + np.flatnonzero(~follows)])  # of runs of successive frames
+    if len(starts) == 1:
+        return stacks[0][int(places[0, 1]) : int(places[-1, 1]) + 1]
+
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        out = np.empty((stop - start, *stacks[0].shape[1:]), stacks[0].dtype)
+        inner = starts[(starts > start) & (starts < stop)].tolist()
+        for first, last in itertools.pairwise([start, *inner, stop]):
+            index, offset = places[first].tolist()
+            out[first - start : last - start] = stacks[index][offset : offset + last - first, ...]
+        return out
+
+    return Frames((len(places), *stacks[0].shape[1:]), read, stacks[0].dtype)
 
 
 def _pack_along_width(
-    array: npt.NDArray[Any] | Frames, axis: Any, content: dict[str, Any]
+    array: npt.NDArray[Any] | Frames, axis: int | None, content: dict[str, Any]
 ) -> tuple[npt.NDArray[np.uint8] | Frames, int]:
     """Return the frames of one file, packed along the width, and their width in jots."""
     if array.ndim not in (3, 4) or array.dtype not in (np.uint8, np.bool_):
@@ -176,8 +240,6 @@ def _pack_along_width(
             f"expected frames (T, H, W) or (T, H, W, C) in uint8 or bool, got {array.dtype} of "
             f"shape {array.shape}"
         )
-    if axis not in (None, 1, 2):
-        raise ValueError(f"bitpack_dim: expected 1 or 2, the height or the width, got {axis!r}")
     if array.ndim == 4 and array.shape[3] == 1:
         array = array[..., 0]
     height, width = _read_size(array.shape, axis, content)
