@@ -33,6 +33,17 @@ def test_nothing_is_served_without_the_token(server, path):
     assert server.token.encode() not in body
 
 
+def test_a_refused_client_is_disconnected(server):
+    """Otherwise, clients that read no answers would keep all connections."""
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as raw:
+        raw.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        answer = b""
+        while part := raw.recv(10_000):
+            answer += part
+    assert answer.startswith(b"HTTP/1.1 403")
+    assert b"\r\nconnection: close\r\n" in answer.lower()
+
+
 @pytest.mark.parametrize(
     "headers",
     [

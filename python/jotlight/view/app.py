@@ -183,7 +183,9 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, reason: str) -> No
     if scope["type"] == "websocket":
         await send({"type": "websocket.close", "code": _REFUSED, "reason": reason})
         return
-    await PlainTextResponse(reason, 403, dict(_HEADERS))(scope, receive, send)
+    # Otherwise, a client that sends many requests and reads no answer would keep its connection.
+    headers = {**_HEADERS, "Connection": "close"}
+    await PlainTextResponse(reason, 403, headers)(scope, receive, send)
 
 
 async def _converse(socket: WebSocket, workshop: Workshop, token: str) -> None:
