@@ -1,9 +1,13 @@
 """CSV files of an experiment's rows and of the facts about each run."""
 
 import csv
+import datetime as dt
 import json
+import math
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from jotlight.errors import warn
 from jotlight.experiments.experiment import Results, Row
@@ -110,7 +114,7 @@ def read_facts(path: Path) -> dict[str, Facts]:
 def read_results(folder: Path, files: Callable[[str], Path | None]) -> dict[str, Results]:
     """Return the results of all experiments whose tables a folder holds.
 
-    A table that cannot be read is left out, with a warning.
+    An experiment whose table or facts are damaged is left out, with a warning.
 
     Parameters
     ----------
@@ -122,10 +126,32 @@ def read_results(folder: Path, files: Callable[[str], Path | None]) -> dict[str,
     results: dict[str, Results] = {}
     for name, facts in read_facts(folder / "run.csv").items():
         try:
+            settings = _checked_settings(name, facts)
             rows = read_table(folder / f"{name}.csv")
-            settings = json.loads(facts["settings"])
         except (OSError, ValueError, KeyError, RecursionError) as error:
             warn(f"{name} is left out: {error}; run it again")
             continue
         results[name] = Results(settings, rows, files(name), results)
     return results
+
+
+def _checked_settings(name: str, facts: Facts) -> dict[str, Any]:
+    """Return the settings of an experiment's run.
+
+    Raises
+    ------
+    KeyError, ValueError, RecursionError
+        If a fact is missing or damaged, or the name could be a path.
+    """
+    settings = json.loads(facts["settings"])
+    if (
+        re.fullmatch(r"[\w-]+", name) is None
+        or not isinstance(settings, dict)
+        or not isinstance(settings.get("quick"), bool)
+        or not isinstance(settings.get("BM3D"), str)
+        or not 0 <= float(facts["seconds"]) < math.inf
+        or "machine" not in facts
+    ):
+        raise ValueError("its facts in run.csv are damaged")
+    dt.date.fromisoformat(facts["date"])
+    return settings

@@ -20,7 +20,9 @@ from jotlight.experiments.tables import read_results, write_facts, write_table
 def _results(path):
     path.mkdir()
     write_table(path / "fig5.csv", [{"image": "a", "psnr": 1.5}, {"image": "b", "psnr": 2}])
-    write_facts(path / "run.csv", {"fig5": {"settings": "{}"}})
+    settings = json.dumps({"quick": True, "BM3D": "4.0.3"})
+    facts = {"seconds": "1", "date": "2026-01-01", "machine": "a", "settings": settings}
+    write_facts(path / "run.csv", {"fig5": facts})
 
 
 def _read_results(path):

@@ -35,8 +35,16 @@ INTRODUCTION = (
 
 
 def build_report(results: dict[str, Results], facts: dict[str, Facts]) -> Report:
-    """Return the report of all experiments that have results."""
+    """Return the report of all experiments that have results.
+
+    Raises
+    ------
+    ValueError
+        If none has any.
+    """
     names = [name for name in EXPERIMENTS if name in results]
+    if not names:
+        raise ValueError("expected the results of an experiment, got none; run it again")
     quick = [name for name in names if results[name].settings["quick"]]
     text = INTRODUCTION
     if quick:
@@ -44,11 +52,11 @@ def build_report(results: dict[str, Results], facts: dict[str, Facts]) -> Report
             f" These are quick runs ({', '.join(quick)}) with few images and steps. They show "
             "that everything works; no conclusion follows from them."
         )
-    dates = sorted({each["date"] for each in facts.values()})
-    if dates and (changes := changes_since(dates[0])):
+    first = min(facts[name]["date"] for name in names)
+    if changes := changes_since(first):
         text += f" {changes}"
     makers: dict[str, Callable[[], Section | None]] = {
-        "overview": partial(overview_section, results, dates[0] if dates else ""),
+        "overview": partial(overview_section, results, first),
         **{name: partial(EXPERIMENTS[name].section, results[name]) for name in names},
     }
     sections = []
