@@ -13,6 +13,7 @@ from jotlight.errors import (
     PeriodicRatesWarning,
     error_message,
     hide_warnings,
+    import_extra,
     warn,
 )
 
@@ -64,6 +65,20 @@ def test_without_deepinv_the_error_of_its_adapters_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "deepinv", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'jotlight\[deepinv\]'"):
         importlib.import_module("jotlight.torch.deepinv")
+
+
+def test_an_import_that_fails_is_not_called_a_missing_package(tmp_path, monkeypatch):
+    (tmp_path / "own_broken_wand.py").write_text("raise ImportError('libwand.so.2: not found')")
+    (tmp_path / "own_incomplete_wand.py").write_text("import own_missing_part")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name, cause in (
+        ("own_broken_wand", r"libwand\.so\.2: not found"),
+        ("own_incomplete_wand", "No module named 'own_missing_part'"),
+    ):
+        text = rf"^{name} is installed, but its import failed \({cause}\); repair its"
+        with pytest.raises(ImportError, match=text) as info:
+            import_extra(name, "magic", "spells")
+        assert type(info.value) is ImportError
 
 
 def test_a_current_folder_that_is_gone_is_named(tmp_path, monkeypatch):

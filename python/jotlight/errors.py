@@ -154,6 +154,33 @@ def plural(number: float, noun: str) -> str:
     return noun if number == 1 else f"{noun}s"
 
 
+@contextlib.contextmanager
+def needs_module(name: str, message: str) -> Iterator[None]:
+    """Raise MissingExtraError with a message if the code inside imports a module that is missing.
+
+    If the module is installed, but its import fails, the error states the cause.
+
+    Examples
+    --------
+    >>> with needs_module("magic", "spells need magic: pip install 'jotlight[magic]'"):
+    ...     import magic
+    Traceback (most recent call last):
+      ...
+    jotlight.errors.MissingExtraError: spells need magic: pip install 'jotlight[magic]'
+    """
+    try:
+        yield
+    except MissingExtraError:
+        raise  # the code inside needs another one
+    except ImportError as error:
+        missing = error.name if isinstance(error, ModuleNotFoundError) else None
+        if missing and f"{name}.".startswith(f"{missing}."):
+            raise MissingExtraError(message) from error
+        raise ImportError(
+            f"{name} is installed, but its import failed ({error}); repair its installation"
+        ) from error
+
+
 def import_extra(name: str, extra: str, purpose: str) -> Any:
     """Return an optional module.
 
@@ -161,6 +188,8 @@ def import_extra(name: str, extra: str, purpose: str) -> Any:
     ------
     MissingExtraError
         When the module is not installed. The message states the purpose and the extra.
+    ImportError
+        When the module is installed, but its import fails. The message states the cause.
 
     Examples
     --------
@@ -169,12 +198,9 @@ def import_extra(name: str, extra: str, purpose: str) -> Any:
       ...
     jotlight.errors.MissingExtraError: spells need magic: pip install 'jotlight[magic]'
     """
-    try:
+    package = name.partition(".")[0]
+    with needs_module(name, f"{purpose} need {package}: pip install 'jotlight[{extra}]'"):
         return importlib.import_module(name)
-    except ImportError as error:
-        package = name.partition(".")[0]
-        message = f"{purpose} need {package}: pip install 'jotlight[{extra}]'"
-        raise MissingExtraError(message) from error
 
 
 def warn(message: str, category: type[JotlightWarning] = JotlightWarning) -> None:

@@ -200,15 +200,18 @@ def test_a_worker_with_another_version():
         check_workers(Client())
 
 
-def test_a_worker_without_a_package_that_units_need():
+def test_a_worker_without_a_package_that_units_need(monkeypatch):
     class Client:
         def nthreads(self):
             return {"tcp://a": 1, "tcp://b": 1}
 
         def run(self, function, on_error):
-            return {"tcp://a": function(), "tcp://b": (__version__, ["fsspec"])}
+            with monkeypatch.context() as on_b:
+                on_b.setitem(sys.modules, "fsspec", None)
+                return {"tcp://b": function(), "tcp://a": (__version__, [])}
 
-    with pytest.raises(ValueError, match=r"1 have not .*; fsspec cannot be imported on tcp://b"):
+    text = r"1 have not .*; fsspec \(import of fsspec halted.*\) cannot be imported on tcp://b"
+    with pytest.raises(ValueError, match=text):
         check_workers(Client())
 
 

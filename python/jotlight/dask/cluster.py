@@ -201,7 +201,7 @@ def check_workers(client: Any) -> None:
 
 
 def _installed() -> tuple[str, list[str]]:
-    """Return the version of jotlight, and the packages that units need but that are missing."""
+    """Return the version of jotlight, and the packages of units that cannot be imported."""
     # Imported here, so that a worker without jotlight reports that it is missing.
     import importlib
 
@@ -211,8 +211,8 @@ def _installed() -> tuple[str, list[str]]:
     for name in ("fsspec", "google_crc32c", "isal", "zarr"):
         try:
             importlib.import_module(name)
-        except ImportError:
-            missing.append(name)
+        except ImportError as error:
+            missing.append(f"{name} ({error})")
     return __version__, missing
 
 

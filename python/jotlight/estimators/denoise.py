@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import number_in_range, positive_number, to_array
-from jotlight.errors import MissingExtraError
+from jotlight.errors import needs_module
 from jotlight.estimators.vst import NOISE
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
@@ -184,13 +184,12 @@ def bm3d(image: Float32Image) -> Float32Image:
     MissingExtraError
         When the package is not installed. Its license permits non-commercial use only.
     """
-    try:
+    with needs_module(
+        "bm3d",
+        "the denoiser 'bm3d' needs its authors' package: pip install 'jotlight[bm3d]'. "
+        "Its license permits non-commercial use only; 'tv' and 'nlm' need no extra package",
+    ):
         from bm3d import bm3d as authors_bm3d
-    except ImportError as error:
-        raise MissingExtraError(
-            "the denoiser 'bm3d' needs its authors' package: pip install 'jotlight[bm3d]'. "
-            "Its license permits non-commercial use only; 'tv' and 'nlm' need no extra package"
-        ) from error
     # The package refuses images smaller than its blocks of 8 x 8, and crashes on 8 x 8 itself.
     height, width = image.shape
     padded = np.pad(image, ((0, max(0, 16 - height)), (0, max(0, 16 - width))), mode="symmetric")

@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from jotlight._engine import RATIO_OF_PASS
 from jotlight.argument_types import as_path
-from jotlight.errors import MissingExtraError
+from jotlight.errors import needs_module
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.files import write_file
 from jotlight.networks.engine_backed import GrayNetwork
@@ -84,10 +84,8 @@ def write_onnx(path: str | os.PathLike[str], network: GrayNetwork, sensor: Senso
     refuse_rotations(network.rotations, "ONNX models")
     own, trials_range = network.sensor, network.trials_range
     sensor = choose_sensor(sensor, own, trials_range, tied=network.tied)
-    try:
+    with needs_module("onnx", "ONNX models need onnx: pip install 'jotlight[onnx]'"):
         from jotlight.networks.onnx_graph import GraphBuilder
-    except ImportError as error:
-        raise MissingExtraError("ONNX models: pip install 'jotlight[onnx]'") from error
 
     graph, data = GraphBuilder(), "counts" if network.tied else "bits"
     if trials_range is not None:

@@ -19,14 +19,12 @@ Examples
 torch.Size([1, 1, 24, 32])
 """
 
-try:
-    import torch  # noqa: F401
-except ImportError as error:
-    from jotlight.errors import MissingExtraError
+from jotlight.errors import needs_module
 
-    raise MissingExtraError(
-        "PyTorch trains deep networks: pip install 'jotlight[torch]'"
-    ) from error
+with needs_module(
+    "torch", "training of deep networks needs PyTorch: pip install 'jotlight[torch]'"
+):
+    import torch  # noqa: F401
 
 from jotlight.torch.fine_tuning import fine_tune
 from jotlight.torch.muon import Muon

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from jotlight.errors import MissingExtraError
+from jotlight.errors import needs_module
 from jotlight.estimators.mle import mle
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
@@ -22,12 +22,10 @@ from jotlight.torch.data_checks import as_floats
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.sensing import Sensing
 
-try:
+with needs_module("deepinv.models", "these adapters need deepinv: pip install 'jotlight[deepinv]'"):
     from deepinv.models import Denoiser, Reconstructor
     from deepinv.optim import DataFidelity
     from deepinv.physics import Physics
-except ImportError as error:
-    raise MissingExtraError("the adapters for deepinv: pip install 'jotlight[deepinv]'") from error
 
 
 _ROUNDING = 1e-4

@@ -144,6 +144,34 @@ def test_the_lock_of_a_file_that_the_caller_has_open_is_kept(tmp_path):
             fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
+@pytest.mark.parametrize("isolate", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("content", "error", "message"),
+    [
+        (
+            "raise ModuleNotFoundError(\"No module named 'h5py'\", name='h5py')",
+            jl.MissingExtraError,
+            r"^HDF5 and MATLAB 7.3 files need h5py: pip install 'jotlight\[hdf5\]'$",
+        ),
+        (
+            "raise ImportError('libhdf5.so.200: not found')",
+            ImportError,
+            r"^h5py is installed, but its import failed \(libhdf5\.so\.200: not found\)",
+        ),
+    ],
+)
+def test_a_library_that_cannot_be_imported_does_not_blame_the_file(
+    tmp_path, monkeypatch, isolate, content, error, message
+):
+    jl.save(random_bits((20, 8, 8)), tmp_path / "a.h5")
+    (tmp_path / "h5py.py").write_text(content)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "h5py")
+    with pytest.raises(ImportError, match=message) as info:
+        jl.open(tmp_path / "a.h5", isolate=isolate)
+    assert type(info.value) is error
+
+
 def test_a_missing_package_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     monkeypatch.setitem(sys.modules, "zarr", None)

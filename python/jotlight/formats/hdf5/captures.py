@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import Counts
-from jotlight.errors import MissingExtraError, warn
+from jotlight.errors import needs_module, warn
 from jotlight.files import atomic_write
 from jotlight.formats.blocks import read_by_blocks
 from jotlight.formats.capture import Capture
@@ -90,12 +90,11 @@ def _opened(path: str) -> Any:
 def _naming_file(path: Path) -> Iterator[None]:
     """Raise a ValueError that names the file for every error of the HDF5 library."""
     try:
-        yield
-    except ImportError as error:
-        raise MissingExtraError(
-            "HDF5 and MATLAB 7.3 files need h5py: pip install 'jotlight[hdf5]'"
-        ) from error
-    except (FileNotFoundError, PermissionError, ChildProcessError):
+        with needs_module(
+            "h5py", "HDF5 and MATLAB 7.3 files need h5py: pip install 'jotlight[hdf5]'"
+        ):
+            yield
+    except (ImportError, FileNotFoundError, PermissionError, ChildProcessError):
         raise
     except BlockingIOError as error:
         raise OSError(f"{path}: {_IS_WRITTEN}") from error
