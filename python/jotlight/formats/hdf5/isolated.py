@@ -20,9 +20,13 @@ from jotlight.formats.remote_files import RemoteFile, RemoteStream, remote_file
 
 _ERRORS = {
     each.__name__: each
-    for each in (ImportError, FileNotFoundError, PermissionError, BlockingIOError, ValueError)
+    for each in (FileNotFoundError, PermissionError, BlockingIOError, ValueError)
 }
-"""Types of errors that the child process may report. All others become a ValueError."""
+"""Types of errors that the child process may report. All others become a ValueError, except those
+of an import, which also name the module."""
+
+_IMPORT_ERRORS = {each.__name__: each for each in (ImportError, ModuleNotFoundError)}
+"""Types of errors of an import that the child process may report."""
 
 _PIPE_BYTES = 1 << 20
 """Size of the pipes between the processes, where the system lets it be set."""
@@ -102,8 +106,7 @@ class IsolatedLibrary:
             self.close()
             raise
         if "error" in reply:
-            error = _ERRORS.get(str(reply["error"]), ValueError)
-            raise error(str(reply.get("message")))
+            raise _reported_error(reply)
         return reply
 
     def _start(self, path: str) -> None:
@@ -191,6 +194,14 @@ def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:
     if not isinstance(data_set.label, str | None):
         raise TypeError(f"a label {data_set.label!r}")
     return data_set
+
+
+def _reported_error(reply: dict[str, Any]) -> Exception:
+    """Return the error that the child process reports."""
+    kind, message = str(reply["error"]), str(reply.get("message"))
+    if kind in _IMPORT_ERRORS:
+        return _IMPORT_ERRORS[kind](message, name=reply.get("module"))
+    return _ERRORS.get(kind, ValueError)(message)
 
 
 def _describe_end(path: str, status: int | None) -> str:

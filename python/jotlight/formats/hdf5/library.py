@@ -67,7 +67,7 @@ class DataSet:
 class Hdf5Library:
     """The HDF5 library. Its methods raise any exception when a file is damaged.
 
-    Some exceptions have another cause: ImportError means that h5py is not installed,
+    Some exceptions have another cause: ImportError means that h5py cannot be imported,
     FileNotFoundError and PermissionError mean that the file cannot be opened, and BlockingIOError
     means that another program is writing it.
     """
@@ -295,6 +295,8 @@ def _serve(requests: BinaryIO, replies: BinaryIO) -> None:
                 reply["bytes"] = content.nbytes
         except Exception as error:
             reply, content = {"error": type(error).__name__, "message": str(error)}, None
+            if isinstance(error, ImportError):
+                reply["module"] = error.name
         send(replies, reply, content)
 
 
