@@ -222,7 +222,7 @@ def napari(session: nox.Session) -> None:
 @nox.session(tags=["release"])
 def exhaustive(session: nox.Session) -> None:
     """Run the tests that check all cases where those of the gate check some, and those of S3."""
-    install_wheel(session, extra="test,s3")
+    install_wheel(session, extra="test,test-s3")
     session.run("pytest", "-m", "exhaustive", *session.posargs, env={"JOTLIGHT_DATA": str(DATA)})
 
 

@@ -152,6 +152,36 @@ def test_errors_of_web_servers(tmp_path, status, error, text):
     assert type(info.value) is error
 
 
+@pytest.mark.parametrize(
+    ("cause", "error", "message"),
+    [
+        (
+            ModuleNotFoundError("No module named 's3fs'", name="s3fs"),
+            jl.MissingExtraError,
+            r"^s3://b/a\.npy: needs s3fs: pip install 'jotlight\[s3\]'$",
+        ),
+        (
+            ModuleNotFoundError("No module named 'gcsfs'", name="gcsfs"),
+            jl.MissingExtraError,
+            r"^s3://b/a\.npy: needs the module gcsfs \(install it\)$",
+        ),
+        (
+            ImportError("libs3.so.1: not found"),
+            ImportError,
+            r"^s3://b/a\.npy: an import failed \(libs3\.so\.1: not found\); repair",
+        ),
+    ],
+)
+def test_a_package_that_a_url_needs(monkeypatch, cause, error, message):
+    def fail(url, **options):
+        raise ImportError("install it") from cause
+
+    monkeypatch.setattr("fsspec.core.url_to_fs", fail)
+    with pytest.raises(ImportError, match=message) as info:
+        jl.open("s3://b/a.npy")
+    assert type(info.value) is error
+
+
 def test_options_of_urls_are_refused_for_files(folder):
     with pytest.raises(ValueError, match="storage_options: are for URLs"):
         jl.open(folder / "capture.npy", storage_options={"anon": True})

@@ -75,6 +75,8 @@ def open_file_system(url: str, storage_options: Mapping[str, Any] | None) -> tup
     ------
     MissingExtraError
         When fsspec, or the package for this kind of URL, is not installed.
+    ImportError
+        When that package is installed, but its import fails.
     ValueError
         When the kind of URL is unknown.
     """
@@ -82,10 +84,20 @@ def open_file_system(url: str, storage_options: Mapping[str, Any] | None) -> tup
     try:
         fs, path = fsspec.core.url_to_fs(url, **(storage_options or {}))
     except ImportError as error:
-        raise MissingExtraError(f"{url}: needs another package: {error}") from error
+        raise _failed_import(url, error) from error
     except (TypeError, ValueError) as error:
         raise ValueError(f"{url}: cannot be opened ({error})") from error
     return fs, str(path)
+
+
+def _failed_import(url: str, error: ImportError) -> ImportError:
+    """Return the error for a URL whose package fsspec cannot import."""
+    cause = error.__cause__
+    if not isinstance(cause, ModuleNotFoundError):
+        return ImportError(f"{url}: an import failed ({cause or error}); repair the installation")
+    if cause.name == "s3fs":
+        return MissingExtraError(f"{url}: needs s3fs: pip install 'jotlight[s3]'")
+    return MissingExtraError(f"{url}: needs the module {cause.name} ({error})")
 
 
 def expand_url(url: str, storage_options: Mapping[str, Any] | None) -> list[str]:
