@@ -95,7 +95,7 @@ def reconstruct(
     if not isinstance(x, Bits):
         check_packed_array(x)
     elif sensor is None:
-        sensor = x.sensor  # type: ignore[assignment]
+        sensor = x.sensor
     if sensor is None:
         raise TypeError(
             "sensor: expected a jotlight.Sensor, because these bits carry none; pass the sensor "

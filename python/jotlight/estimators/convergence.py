@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -93,8 +93,11 @@ class ConvergenceHistory:
         return f"<ConvergenceHistory: {state} after {self.iterations} iterations, residuals {last}>"
 
 
-ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
-"""The history of a gray image, or a list with that of each image of a stack and each channel."""
+ConvergenceHistories = ConvergenceHistory | Any
+"""The history of a gray image, or a list with that of each image of a stack and each channel.
+
+The type of data cannot tell which. Any lets callers use a list without a check of its type.
+"""
 
 
 def follow_slowest(show: IterationCallback) -> IterationCallback:

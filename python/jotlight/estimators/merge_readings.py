@@ -29,7 +29,7 @@ _SATURATED = 700.0
 
 def merge_readings(
     data: Data, sensor: Sensor | None = None, *, threads: int | None = None
-) -> Merged | list[Merged]:
+) -> Merged | Any:
     """Return equivalent counts: those of a sensor with one gain and one threshold.
 
     Readings with different gains or thresholds, such as a bracket of exposures, become counts of a

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jotlight.estimators.convergence import ConvergenceHistories
+from jotlight.estimators.convergence import ConvergenceHistories, ConvergenceHistory
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,7 +46,7 @@ def join_infos(infos: Sequence[Info], ending: str, seconds: float) -> Info:
     'maximum likelihood, color differences'
     """
     first = infos[0]
-    histories = []
+    histories: list[ConvergenceHistory] = []
     for info in infos:
         if info.history is not None:
             histories += info.history if isinstance(info.history, list) else [info.history]

@@ -42,7 +42,7 @@ def open(
     bit_depth: int | None = None,
     mosaic: object = None,
     storage_options: dict[str, Any] | None = None,
-) -> Data | list[Data]:
+) -> Bits | Any:
     """Return the bits, or the image of counts, in a file or folder of any size.
 
     Bits are read from their files when they are needed.
@@ -130,6 +130,8 @@ def open(
     >>> bits.provenance.notes[0]
     'read as bits, the most significant first, along the width'
     """
+    # The type of the result cannot tell what a file holds. Most hold bits, and Any lets callers use
+    # the other results without a check of their type.
     options = ReadingOptions(
         format=format,
         width=width,

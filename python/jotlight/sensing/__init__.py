@@ -3,9 +3,9 @@
 In reading order:
 
 * ``sensor`` with ``exposure``, ``simulate``, ``draws``, and ``draw_bits``: the parameters of a
-  sensor, and the random bits of an image. ``maps`` and ``values`` check parameters that differ from
-  jot to jot, ``parameters`` treats all of them as a whole, and ``intensity_scale`` serves
-  simulations;
+  sensor, and the random bits of an image. ``sensor_checks`` checks the parameters, ``maps`` and
+  ``values`` check those that differ from jot to jot, ``parameters`` treats all of them as a whole,
+  and ``intensity_scale`` serves simulations;
 * ``readings``, ``multibit``, and ``draw_readings``: several bits, and read noise;
   ``reading_checks`` checks their parameters, and ``reading_groups`` divides frames into groups
   with one gain and one threshold;

@@ -92,7 +92,8 @@ class Bits(FrameSequence):
         full = 8 * packed.shape[2]
         self.packed = packed
         self.width = full if width is None else whole_number("width", width, 1)
-        self.sensor = sensor
+        # A Sensor. Its module imports this one, so the type cannot be named here.
+        self.sensor: Any | None = sensor
         self.provenance = provenance
         self.tested_for_periods = tested_for_periods
         if not full - 8 < self.width <= full:

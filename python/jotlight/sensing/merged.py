@@ -37,7 +37,7 @@ _TOLERANCE = 1e-5
 """Relative difference that does not count: such as of a map that was rounded to float32."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, init=False)
 class Merged(HasReadOnlyArrays):
     """Counts of pixels with different numbers of trials, such as bits merged along a motion.
 
@@ -98,57 +98,61 @@ class Merged(HasReadOnlyArrays):
     ones: npt.NDArray[np.int32]
     trials: float | npt.NDArray[np.float64]
     sensor: Sensor
-    _: dataclasses.KW_ONLY
-    # __post_init__ replaces None, so both are always numbers or maps.
-    dark_counts: float | npt.NDArray[np.float64] = None  # type: ignore[assignment]
-    efficiency: float | npt.NDArray[np.float64] = None  # type: ignore[assignment]
-    acceptance: npt.NDArray[np.float32] | None = None
-    posterior_error: npt.NDArray[np.float32] | None = None
-    flags: npt.NDArray[np.bool_] | None = None
-    channel_axis: int | None = None
-    upsample: int = 1
-    light_share: float | None = 1.0
-    valid_up_to: float = math.inf
+    dark_counts: float | npt.NDArray[np.float64]
+    efficiency: float | npt.NDArray[np.float64]
+    acceptance: npt.NDArray[np.float32] | None
+    posterior_error: npt.NDArray[np.float32] | None
+    flags: npt.NDArray[np.bool_] | None
+    channel_axis: int | None
+    upsample: int
+    light_share: float | None
+    valid_up_to: float
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.sensor, Sensor):
-            raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
-        require_plain_bits(self.sensor)
-        upsample = whole_number_in_range("upsample", self.upsample, 1, 2)
-        if self.light_share is not None:
-            positive_number("light_share", self.light_share)
-        if self.valid_up_to != math.inf:
-            positive_number("valid_up_to", self.valid_up_to)
-        ones = as_counts(self.ones)
-        layout = Layout.of("ones", ones, self.channel_axis)
-        if layout.is_stack:
-            raise ValueError(
-                "ones: expected shape (H, W), or (H, W, C) with channel_axis=-1, got "
-                f"{ones.shape}; pass a list of Merged for a stack"
-            )
-        trials = checked_trials(self.trials, ones)
-        if self.channel_axis is not None:
-            ones = np.moveaxis(ones, self.channel_axis, -1)
-            if isinstance(trials, np.ndarray):
-                trials = np.moveaxis(trials, self.channel_axis, -1)
+    def __init__(
+        self,
+        ones: npt.ArrayLike,
+        trials: npt.ArrayLike,
+        sensor: Sensor,
+        *,
+        dark_counts: npt.ArrayLike | None = None,
+        efficiency: npt.ArrayLike | None = None,
+        acceptance: npt.ArrayLike | None = None,
+        posterior_error: npt.ArrayLike | None = None,
+        flags: npt.ArrayLike | None = None,
+        channel_axis: int | None = None,
+        upsample: int = 1,
+        light_share: float | None = 1.0,
+        valid_up_to: float = math.inf,
+    ) -> None:
+        if not isinstance(sensor, Sensor):
+            raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
+        require_plain_bits(sensor)
+        upsample = whole_number_in_range("upsample", upsample, 1, 2)
+        if light_share is not None:
+            positive_number("light_share", light_share)
+        if valid_up_to != math.inf:
+            positive_number("valid_up_to", valid_up_to)
+        counts, numbers = _checked_counts(ones, trials, channel_axis)
+        shape = counts.shape[:2]
         checked = {
-            "ones": ones,
-            "trials": trials,
+            "ones": counts,
+            "trials": numbers,
+            "sensor": sensor,
+            "dark_counts": _jot_parameter("dark_counts", dark_counts, sensor, shape),
+            "efficiency": _jot_parameter("efficiency", efficiency, sensor, shape),
+            "acceptance": _checked_map("acceptance", acceptance, shape, 1.0),
+            "posterior_error": _checked_map("posterior_error", posterior_error, shape, np.inf),
+            "flags": _checked_flags(flags, shape),
+            "channel_axis": None if channel_axis is None else -1,
             "upsample": upsample,
-            "channel_axis": None if self.channel_axis is None else -1,
-            "dark_counts": self._jot_parameter("dark_counts", ones.shape[:2]),
-            "efficiency": self._jot_parameter("efficiency", ones.shape[:2]),
-            "acceptance": _checked_map("acceptance", self.acceptance, ones.shape[:2], 1.0),
-            "posterior_error": _checked_map(
-                "posterior_error", self.posterior_error, ones.shape[:2], np.inf
-            ),
-            "flags": _checked_flags(self.flags, ones.shape[:2]),
+            "light_share": light_share,
+            "valid_up_to": valid_up_to,
         }
-        efficiency = np.asarray(checked["efficiency"])
-        if not ((efficiency > 0) & (efficiency <= 1)).all():
+        fractions = np.asarray(checked["efficiency"])
+        if not ((fractions > 0) & (fractions <= 1)).all():
             raise ValueError(
                 "efficiency: expected numbers above 0 and up to 1, got "
-                f"{efficiency.min()} to {efficiency.max()}"
+                f"{fractions.min()} to {fractions.max()}"
             )
         for name, value in checked.items():
             # The caller may change an array that the check above does not copy.
@@ -177,27 +181,6 @@ class Merged(HasReadOnlyArrays):
             own = trials[..., index] if isinstance(trials, np.ndarray) else trials
             gray = np.ascontiguousarray(ones)
             yield dataclasses.replace(self, ones=gray, trials=own, channel_axis=None)
-
-    def _jot_parameter(self, name: str, shape: tuple[int, ...]) -> Any:
-        """Return the dark counts or the efficiency of the pixels: those given, or the sensor's."""
-        given = getattr(self, name)
-        if given is not None:
-            values = numbers_from_zero(name, given)
-            if values.ndim == 0:
-                return values.item()
-            _check_shape(name, values, shape)
-            return values
-        sensor = self.sensor
-        value = getattr(sensor, name)
-        if isinstance(value, np.ndarray):
-            sensor.check_map_shapes(*(size * sensor.oversampling for size in shape))
-        mean, varies = pixel_means(value, sensor.mask, sensor.oversampling)
-        if varies:
-            raise ValueError(
-                f"{name}: expected the mean of each pixel, because its jots differ; pass a map of "
-                f"shape {shape} with {_mean_over_bits(name, sensor)} behind each pixel"
-            )
-        return mean
 
     def _repr_html_(self) -> str:
         facts: dict[str, object] = {
@@ -273,6 +256,46 @@ def _differs(own: Any, other: Any, default: float | None) -> bool:
     if own is None or (np.ndim(own) and np.ndim(other) and own.shape != other.shape):
         return True
     return not np.allclose(own, other, rtol=_TOLERANCE, atol=0)
+
+
+def _checked_counts(
+    ones: npt.ArrayLike, trials: npt.ArrayLike, channel_axis: int | None
+) -> tuple[npt.NDArray[np.int32], float | npt.NDArray[np.float64]]:
+    """Return ones and trials after checks, with the axis of channels last."""
+    counts = as_counts(ones)
+    if Layout.of("ones", counts, channel_axis).is_stack:
+        raise ValueError(
+            "ones: expected shape (H, W), or (H, W, C) with channel_axis=-1, got "
+            f"{counts.shape}; pass a list of Merged for a stack"
+        )
+    numbers = checked_trials(trials, counts)
+    if channel_axis is not None:
+        counts = np.moveaxis(counts, channel_axis, -1)
+        if isinstance(numbers, np.ndarray):
+            numbers = np.moveaxis(numbers, channel_axis, -1)
+    return counts, numbers
+
+
+def _jot_parameter(
+    name: str, given: npt.ArrayLike | None, sensor: Sensor, shape: tuple[int, ...]
+) -> Any:
+    """Return the dark counts or the efficiency of the pixels: those given, or the sensor's."""
+    if given is not None:
+        values = numbers_from_zero(name, given)
+        if values.ndim == 0:
+            return values.item()
+        _check_shape(name, values, shape)
+        return values
+    value = getattr(sensor, name)
+    if isinstance(value, np.ndarray):
+        sensor.check_map_shapes(*(size * sensor.oversampling for size in shape))
+    mean, varies = pixel_means(value, sensor.mask, sensor.oversampling)
+    if varies:
+        raise ValueError(
+            f"{name}: expected the mean of each pixel, because its jots differ; pass a map of "
+            f"shape {shape} with {_mean_over_bits(name, sensor)} behind each pixel"
+        )
+    return mean
 
 
 def _mean_over_bits(name: str, sensor: Sensor) -> str:

@@ -20,7 +20,7 @@ MAX_PERIOD = 16
 _BAYER = ("RGGB", "BGGR", "GRBG", "GBRG")
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, init=False)
 class Mosaic(HasReadOnlyArrays):
     """A color filter on each pixel of a sensor.
 
@@ -65,39 +65,29 @@ class Mosaic(HasReadOnlyArrays):
     """
 
     pattern: Pattern
-    filters: str = None  # type: ignore[assignment]  # __post_init__ replaces None
-    transmission: Colors = None  # type: ignore[assignment]
-    white_balance: Colors = dataclasses.field(default_factory=lambda: np.ones(3))
+    filters: str
+    transmission: Colors
+    white_balance: Colors
 
-    def __post_init__(self) -> None:
-        given: Any = self.pattern
-        filters: Any = self.filters
-        transmission: Any = self.transmission
-        if mosaic_checks.is_image(given):
-            if filters is not None or transmission is not None:
-                raise ValueError(
-                    "mosaic: expected no filters and no transmission beside an image (H, W, 3), "
-                    "which states what each pixel passes; leave them out"
-                )
-            pattern, transmission = mosaic_checks.of_image(np.asarray(given))
-            filters = "".join(
-                map(mosaic_checks.letter_of, transmission.tolist(), range(len(transmission)))
-            )
-        else:
-            pattern, filters = mosaic_text.read_pattern(given, filters)
-        transmission = mosaic_checks.checked_transmission(transmission, pattern, filters)
-        pattern, filters, transmission = mosaic_checks.sort_filters(pattern, filters, transmission)
-        if np.linalg.matrix_rank(transmission) < 3:
+    def __init__(
+        self,
+        pattern: npt.ArrayLike,
+        filters: str | None = None,
+        transmission: npt.ArrayLike | None = None,
+        white_balance: npt.ArrayLike = (1.0, 1.0, 1.0),
+    ) -> None:
+        indices, letters, passed = _read(pattern, filters, transmission)
+        if np.linalg.matrix_rank(passed) < 3:
             raise ValueError(
-                f"mosaic: expected filters that tell red, green, and blue apart, got {filters} "
-                f"with the transmission {transmission.round(3).tolist()}; a gray sensor has "
+                f"mosaic: expected filters that tell red, green, and blue apart, got {letters} "
+                f"with the transmission {passed.round(3).tolist()}; a gray sensor has "
                 "mosaic=None"
             )
         checked = {
-            "pattern": pattern,
-            "filters": filters,
-            "transmission": transmission,
-            "white_balance": mosaic_checks.checked_white_balance(self.white_balance),
+            "pattern": indices,
+            "filters": letters,
+            "transmission": passed,
+            "white_balance": mosaic_checks.checked_white_balance(white_balance),
         }
         for name, value in checked.items():
             if isinstance(value, np.ndarray):
@@ -324,3 +314,20 @@ class Mosaic(HasReadOnlyArrays):
         if (self.white_balance != 1).any():
             parts.append(f"white_balance={self.white_balance.tolist()}")
         return f"Mosaic({', '.join(parts)})"
+
+
+def _read(pattern: Any, filters: Any, transmission: Any) -> tuple[Pattern, str, Colors]:
+    """Return the pattern as indices, the letters of the filters, and the light that they pass."""
+    if mosaic_checks.is_image(pattern):
+        if filters is not None or transmission is not None:
+            raise ValueError(
+                "mosaic: expected no filters and no transmission beside an image (H, W, 3), "
+                "which states what each pixel passes; leave them out"
+            )
+        indices, passed = mosaic_checks.of_image(np.asarray(pattern))
+        letters = "".join(map(mosaic_checks.letter_of, passed.tolist(), range(len(passed))))
+    else:
+        indices, letters = mosaic_text.read_pattern(pattern, filters)
+        passed = transmission
+    passed = mosaic_checks.checked_transmission(passed, indices, letters)
+    return mosaic_checks.sort_filters(indices, letters, passed)

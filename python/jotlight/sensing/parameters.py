@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from typing import Any, Self
 
 import numpy as np
@@ -103,5 +104,6 @@ class Parameters:
         return html_of(self)  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
-        fields = dataclasses.fields(self)  # type: ignore[arg-type]
-        return repr_of(self, {field.name: field.default for field in fields})  # type: ignore[arg-type]
+        parameters = inspect.signature(type(self)).parameters
+        defaults = {name: each.default for name, each in parameters.items()}
+        return repr_of(self, defaults)  # type: ignore[arg-type]

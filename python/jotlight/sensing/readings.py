@@ -73,7 +73,8 @@ class Readings(FrameSequence):
             advice = "; numpy.rint(array).astype(int) rounds floats" * (values.dtype.kind == "f")
             raise TypeError(f"readings: expected whole numbers, got {values.dtype}{advice}")
         self.frames: npt.NDArray[Any] | Frames = as_frames("readings", values)
-        self.sensor = sensor
+        # A Sensor. Its module imports this one, so the type cannot be named here.
+        self.sensor: Any = sensor
         self.provenance = provenance
         if sensor.bit_depth == 1:
             raise ValueError(
@@ -88,7 +89,7 @@ class Readings(FrameSequence):
     @property
     def bit_depth(self) -> int:
         """Number of bits of a reading."""
-        return self.sensor.bit_depth
+        return int(self.sensor.bit_depth)
 
     @property
     def shape(self) -> tuple[int, ...]:

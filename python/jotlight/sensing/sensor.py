@@ -3,50 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Self, cast
+from typing import Any, Self, SupportsFloat, SupportsIndex, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.arrays import HasReadOnlyArrays
-from jotlight.checks import number_in_range, refuse_masked, shown, whole_number_in_range
+from jotlight.checks import number_in_range, shown
 from jotlight.parameter_names import check_choice, require_names
-from jotlight.sensing import reading_checks, reading_groups
+from jotlight.sensing import reading_groups
 from jotlight.sensing.exposure import Exposure
-from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.maps import LIMITS
 from jotlight.sensing.reading_groups import ReadingGroup
 from jotlight.sensing.response import JotResponse, PixelResponse
+from jotlight.sensing.sensor_checks import SYNONYMS, checked_parameters
 from jotlight.sensing.simulate import EnginePart
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
 
-_SYNONYMS = {
-    "k_hat": "oversampling",
-    "t": "frames",
-    "k": "frames (K is frames * oversampling**2)",
-    "exposure": "gain (photons), or exposure_time (seconds)",
-    "alpha": "gain",
-    "q": "threshold",
-    "psf": "kernel",
-    "dcr": "dark_counts (DCR * exposure time)",
-    "dark_count_rate": "dark_counts (DCR * exposure time)",
-    "d": "dark_counts",
-    "eta": "efficiency",
-    "pde": "efficiency",
-    "qe": "efficiency",
-    "s": "max_intensity",
-    "sigma": "read_noise",
-    "bayer": "mosaic",
-    "cfa": "mosaic",
-    "dead_time": "jotlight.FreeRunning(dead_time=...)",
-}
-"""Symbols of the parameters, and their names in data sheets and in other software."""
 
-
-@require_names("Sensor(frames=16)", _SYNONYMS)
-@dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@require_names("Sensor(frames=16)", SYNONYMS)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, init=False)
 class Sensor(Exposure, HasReadOnlyArrays):
     """A quanta image sensor: each jot reports 1 when it detects at least `threshold` photons.
 
@@ -117,53 +95,55 @@ class Sensor(Exposure, HasReadOnlyArrays):
     0.2642
     """
 
-    oversampling: int = 1
-    frames: int = 1
-    # __post_init__ replaces None. Code for arrays of these two asks `readings_differ` before.
-    gain: float = None  # type: ignore[assignment]
-    threshold: int = 1
-    kernel: str = "box"
-    dark_counts: float | npt.NDArray[np.float32] = 0.0
-    efficiency: float | npt.NDArray[np.float32] = 1.0
-    mask: npt.NDArray[np.bool_] | None = None
-    max_intensity: float = 1.0
-    exposure_time: float | None = None
-    bit_depth: int = 1
-    read_noise: float = 0.0
-    mosaic: Any = None  # __post_init__ makes it a Mosaic, or None
+    oversampling: int
+    frames: int
+    # Code for arrays of these two asks `readings_differ` before.
+    gain: float
+    threshold: int
+    kernel: str
+    dark_counts: float | npt.NDArray[np.float32]
+    efficiency: float | npt.NDArray[np.float32]
+    mask: npt.NDArray[np.bool_] | None
+    max_intensity: float
+    exposure_time: float | None
+    bit_depth: int
+    read_noise: float
+    mosaic: Any  # a Mosaic, or None
 
-    def __post_init__(self) -> None:
-        for name in ("gain", *MAPS):
-            advice = "fill it, such as with array.filled(value), and pass its mask as mask="
-            refuse_masked(name, getattr(self, name), advice)
-        for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1)):
-            value = whole_number_in_range(name, getattr(self, name), 1, maximum)
-            object.__setattr__(self, name, value)
-        if self.trials >= 2**31:
-            raise ValueError(
-                f"oversampling**2 * frames: expected fewer than 2**31 trials per pixel, "
-                f"got {self.trials}"
-            )
-        check_choice("kernel", self.kernel, KERNELS)
-        gain: float | None = self.gain
-        checked: dict[str, Any] = {
-            "gain": reading_checks.checked_gain(self.trials if gain is None else gain, self.frames),
-            "threshold": reading_checks.checked_threshold(self.threshold, self.frames),
+    def __init__(
+        self,
+        *,
+        oversampling: SupportsIndex = 1,
+        frames: SupportsIndex = 1,
+        gain: npt.ArrayLike | None = None,
+        threshold: npt.ArrayLike = 1,
+        kernel: str = "box",
+        dark_counts: npt.ArrayLike = 0.0,
+        efficiency: npt.ArrayLike = 1.0,
+        mask: npt.ArrayLike | None = None,
+        max_intensity: SupportsFloat = 1.0,
+        exposure_time: SupportsFloat | None = None,
+        bit_depth: SupportsIndex = 1,
+        read_noise: SupportsFloat = 0.0,
+        mosaic: object = None,
+    ) -> None:
+        check_choice("kernel", kernel, KERNELS)
+        given = {
+            "oversampling": oversampling,
+            "frames": frames,
+            "gain": gain,
+            "threshold": threshold,
+            "kernel": kernel,
+            "dark_counts": dark_counts,
+            "efficiency": efficiency,
+            "mask": mask,
+            "max_intensity": max_intensity,
+            "exposure_time": exposure_time,
+            "bit_depth": bit_depth,
+            "read_noise": read_noise,
+            "mosaic": mosaic,
         }
-        for name in ("max_intensity", *(["exposure_time"] * (self.exposure_time is not None))):
-            checked[name] = number_in_range(name, getattr(self, name), *LIMITS)
-        checked |= reading_checks.checked_response(
-            self.bit_depth, self.read_noise, checked["threshold"]
-        )
-        checked |= checked_maps(self.dark_counts, self.efficiency, self.mask, checked["threshold"])
-        if self.mosaic is not None:
-            checked["mosaic"] = Mosaic.of(self.mosaic)
-            if self.kernel != "box":
-                raise ValueError(
-                    f"kernel: expected the box kernel with a mosaic, got {self.kernel!r}, which "
-                    "would mix the light of neighboring filters"
-                )
-        for name, value in checked.items():
+        for name, value in checked_parameters(given).items():
             object.__setattr__(self, name, value)
 
     @property
