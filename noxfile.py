@@ -226,6 +226,16 @@ def exhaustive(session: nox.Session) -> None:
     session.run("pytest", "-m", "exhaustive", *session.posargs, env={"JOTLIGHT_DATA": str(DATA)})
 
 
+@nox.session(venv_backend="uv", tags=["release"])
+def lowest(session: nox.Session) -> None:
+    """Run the fast tests with the lowest versions of all packages that pyproject.toml permits."""
+    session.install("--resolution", "lowest-direct", "-r", "pyproject.toml", "--extra", "test")
+    session.install("--no-deps", "--reinstall", str(built_wheel(session)))
+    # Old versions use functions of other packages that are deprecated by now.
+    options = ("-W", "ignore::DeprecationWarning", *session.posargs)
+    session.run("pytest", *options, env={"JOTLIGHT_DATA": str(DATA)})
+
+
 @nox.session(tags=["release"])
 def fuzz(session: nox.Session) -> None:
     """Fuzz every file reader for a few seconds; arguments go to fuzz/readers.py."""
@@ -274,8 +284,14 @@ def run_without_compiler(session: nox.Session, built: Path) -> None:
 
 def install_wheel(session: nox.Session, *others: str, extra: str = "") -> None:
     """Install the wheel that the session `wheel` built, and other packages."""
+    wheel = str(built_wheel(session))
+    session.install(f"{wheel}[{extra}]" if extra else wheel, *others)
+    session.install("--quiet", "--force-reinstall", "--no-deps", wheel)
+
+
+def built_wheel(session: nox.Session) -> Path:
+    """Return the wheel that the session `wheel` built."""
     wheels = sorted(DIST.glob("jotlight-*.whl"))
     if len(wheels) != 1:
         session.error(f"expected one wheel in {DIST}, got {len(wheels)}: run `nox -s wheel` first")
-    session.install(f"{wheels[0]}[{extra}]" if extra else str(wheels[0]), *others)
-    session.install("--quiet", "--force-reinstall", "--no-deps", str(wheels[0]))
+    return wheels[0]

@@ -66,7 +66,7 @@ def whole_number(name: str, value: Any, minimum: int) -> int:
     >>> whole_number("steps", 3, 1)
     3
     """
-    other: Any = None if isinstance(value, bool) else value  # Python counts bool as int
+    other: Any = None if isinstance(value, bool | np.bool_) else value  # bool has an index, too
     try:
         number = operator.index(other)
     except TypeError:

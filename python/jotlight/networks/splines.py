@@ -49,8 +49,8 @@ def fit_spline(function: ScalarFunction, low: float, high: float, number: int) -
 
     Examples
     --------
-    >>> fit_spline(lambda z: z, 0.0, 1.0, 4)[0].round(3).tolist()
-    [[-1.0, 0.0, 1.0, 2.0]]
+    >>> fit_spline(lambda z: 2 * z + 3, 0.0, 1.0, 4)[0].round(3).tolist()
+    [[1.0, 3.0, 5.0, 7.0]]
     """
     from scipy.interpolate import make_lsq_spline
 
