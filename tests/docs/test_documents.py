@@ -202,9 +202,9 @@ def test_links_to_headings_lead_somewhere():
 
 def test_the_readme_leads_a_newcomer_to_the_first_tasks():
     readme = PAGES[0].read_text("utf-8")
-    tasks = "files.md#your-first-image", "which_sensor.md", "motion.md", "networks.md"
-    for task in (*tasks, "tutorial.md#uncertainty-brightness-and-number-of-frames"):
-        assert f"](docs/guide/{task})" in readme, task
+    tasks = "files.html#your-first-image", "which_sensor.html", "motion.html", "networks.html"
+    for task in (*tasks, "tutorial.html#uncertainty-brightness-and-number-of-frames"):
+        assert f"https://jotlight.github.io/jotlight/guide/{task}" in readme, task
 
 
 def example_cases() -> Iterator[object]:
