@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import sys
+import tarfile
 import time
 from pathlib import Path
 
@@ -171,6 +172,7 @@ def release(session: nox.Session) -> None:
     run_without_compiler(session, built)
     session.run("maturin", "sdist", "--out", str(output))
     source = next(output.glob("*.tar.gz"))
+    check_sdist(session, source)
     target = {"CARGO_TARGET_DIR": os.environ.get("CARGO_TARGET_DIR", str(ROOT / "target"))}
     arguments = ("--no-deps", "--wheel-dir", session.create_tmp())
     session.run("pip", "wheel", *arguments, str(source), env=target)
@@ -280,6 +282,16 @@ def run_without_compiler(session: nox.Session, built: Path) -> None:
                 start = time.perf_counter()
                 session.run(str(programs / command[0]), *command[1:], env=bare, external=True)
                 session.log(f"{run} run: {time.perf_counter() - start:.2f} s")
+
+
+def check_sdist(session: nox.Session, source: Path) -> None:
+    """Compare the files of an sdist with the tracked ones, except hidden ones."""
+    with tarfile.open(source) as archive:
+        found = {name.partition("/")[2] for name in archive.getnames()} - {"PKG-INFO"}
+    tracked = session.run("git", "ls-files", "-z", external=True, silent=True) or ""
+    expected = {name for name in tracked.split("\0") if name and not name.startswith(".")}
+    if found != expected:
+        session.error(f"the sdist and git differ in {', '.join(sorted(found ^ expected))}")
 
 
 def install_wheel(session: nox.Session, *others: str, extra: str = "") -> None:
