@@ -24,6 +24,8 @@ from printed_comments import agrees, run_block, stated_prints
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SITE = "https://jotlight.github.io/jotlight/"
+SOURCE = "https://github.com/jotlight/jotlight"
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 MODULES = ["jotlight"] + [
     module.name
@@ -200,11 +202,40 @@ def test_links_to_headings_lead_somewhere():
     assert count > 100
 
 
+def linked_file(target: str) -> Path | None:
+    """Return the file that an address on the website, or in the repository, shows."""
+    if target.startswith(SITE):
+        page = target.removeprefix(SITE) or "index.html"
+        return ROOT / "docs" / page.replace(".html", ".md")
+    raw = SOURCE.replace("github.com", "raw.githubusercontent.com")
+    for prefix in (f"{SOURCE}/blob/main/", f"{SOURCE}/tree/main/", f"{raw}/main/"):
+        if target.startswith(prefix):
+            return ROOT / target.removeprefix(prefix)
+    return None
+
+
+def test_links_of_the_readme_also_work_on_the_package_index():
+    text = PAGES[0].read_text("utf-8")
+    targets = re.findall(r"\]\(([^)]+)\)|^\[[^\]]+\]: (\S+)$", text, re.M)
+    found = [one or other for one, other in targets]
+    assert len(found) > 30
+    assert [each for each in found if not each.startswith("https://")] == []
+    for each in found:
+        target, _, anchor = each.partition("#")
+        file = linked_file(target)
+        if file is None:
+            assert not target.startswith((SITE, SOURCE)), each
+            continue
+        assert file.exists(), each
+        assert ("/tree/" in each) == file.is_dir(), each
+        assert not anchor or anchor in anchors(file), each
+
+
 def test_the_readme_leads_a_newcomer_to_the_first_tasks():
     readme = PAGES[0].read_text("utf-8")
     tasks = "files.html#your-first-image", "which_sensor.html", "motion.html", "networks.html"
     for task in (*tasks, "tutorial.html#uncertainty-brightness-and-number-of-frames"):
-        assert f"https://jotlight.github.io/jotlight/guide/{task}" in readme, task
+        assert f"{SITE}guide/{task}" in readme, task
 
 
 def example_cases() -> Iterator[object]:
