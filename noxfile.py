@@ -89,7 +89,8 @@ def readme(session: nox.Session) -> None:
 
 @nox.session(venv_backend="none", tags=["gate", "first"])
 def rust(session: nox.Session) -> None:
-    """Run the engine's own tests, and the examples in its documentation."""
+    """Run the engine's own tests, and the examples in its documentation; check its licenses."""
+    session.run(sys.executable, "tools/third_party_licenses.py", external=True)
     # The session `readme` has compiled most of it already.
     session.run("cargo", "test", "--release", "--workspace", external=True)
     strict = {"RUSTDOCFLAGS": "-D warnings"}

@@ -28,3 +28,22 @@ def test_every_imported_package_is_declared():
     others = imported - sys.stdlib_module_names - NOT_NEEDED
     missing = {PACKAGES.get(name, name).lower().replace("_", "-") for name in others} - declared
     assert missing == set()
+
+
+def test_the_licenses_are_those_of_the_locked_crates():
+    lock = tomllib.loads((ROOT / "Cargo.lock").read_text("utf-8"))["package"]
+    versions = {f"{crate['name']} {crate['version']}" for crate in lock if "source" in crate}
+    text = (ROOT / "THIRD-PARTY-LICENSES").read_text("utf-8")
+    titles = re.findall(r"^=+\n([\w-]+ [\d.]+), (.+)$", text, re.M)
+    assert {title for title, _ in titles} <= versions
+    assert ("safetensors 0.8.0", "Apache-2.0") in titles
+    for name in tomllib.loads((ROOT / "Cargo.toml").read_text("utf-8"))["workspace"][
+        "dependencies"
+    ]:
+        assert any(title.startswith(f"{name} ") for title, _ in titles), name
+    assert "THIRD-PARTY-LICENSES" in PROJECT["license-files"]
+
+
+def test_the_crate_carries_the_licenses():
+    for name in ("LICENSE-MIT", "LICENSE-APACHE"):
+        assert (ROOT / "crates/jotlight" / name).read_bytes() == (ROOT / name).read_bytes()
