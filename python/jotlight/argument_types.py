@@ -58,15 +58,17 @@ def complete_path(path: str) -> str:
     return expanded if has_name else str(Path(expanded).resolve())
 
 
-def was_url(path: Path) -> bool:
-    """Return whether a path was made from a URL. It has one slash in place of its two.
+def url_of(path: Path) -> str | None:
+    """Return the URL that a path was made from, or None. A path has one slash in place of its two.
 
     Examples
     --------
-    >>> was_url(Path("s3://bucket/a.npy")), was_url(Path("C:/data/a.npy"))
-    (True, False)
+    >>> url_of(Path("s3://bucket/a.npy")), url_of(Path("C:/data/a.npy"))
+    ('s3://bucket/a.npy', None)
     """
-    return bool(path.parts) and bool(re.fullmatch(r"[A-Za-z][A-Za-z0-9+.\-]+:", path.parts[0]))
+    if not path.parts or not re.fullmatch(r"[A-Za-z][A-Za-z0-9+.\-]+:", path.parts[0]):
+        return None
+    return "//".join((path.parts[0], "/".join(path.parts[1:])))
 
 
 def pattern_advice(path: str | os.PathLike[str], advice: str) -> str:

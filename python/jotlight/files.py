@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from jotlight.argument_types import was_url
+from jotlight.argument_types import url_of
 from jotlight.output_files import open_output
 from jotlight.output_links import follow_link, resolve_output
 from jotlight.temporary_names import has_temporaries, reserve_temporary
@@ -26,10 +26,11 @@ def _refuse_url(output: Path) -> None:
     >>> _refuse_url(Path("s3://bucket/a.zarr"))
     Traceback (most recent call last):
       ...
-    ValueError: s3:/bucket/a.zarr: results are written to files of this machine, not to URLs
+    ValueError: s3://bucket/a.zarr: results are written to files of this machine, not to URLs
     """
-    if was_url(output):
-        raise ValueError(f"{output}: results are written to files of this machine, not to URLs")
+    url = url_of(output)
+    if url is not None:
+        raise ValueError(f"{url}: results are written to files of this machine, not to URLs")
 
 
 def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:

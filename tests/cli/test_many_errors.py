@@ -14,7 +14,8 @@ def test_results_are_not_written_to_urls(run, captures, window):
     output = f"s3://bucket/{{name}}.{ending}"
     code, err = run("reconstruct", *captures, "-o", output, "-m", "mle", *window)
     assert code == 1
-    assert "results are written to files of this machine, not to URLs" in err
+    refused = "results are written to files of this machine, not to URLs"
+    assert f"s3://bucket/a/1.{ending}: {refused}" in err
     code, err = run("reconstruct", captures[0], "-o", f"s3://bucket/a.{ending}", *window)
     assert code == 1
     assert "not to URLs" in err

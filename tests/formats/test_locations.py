@@ -40,7 +40,10 @@ def test_a_pattern_where_one_file_is_expected_has_advice(tmp_path):
 
 
 def test_a_url_as_a_path_has_advice():
-    with pytest.raises(FileNotFoundError, match=r"jotlight\.open with a text take a URL$"):
+    with pytest.raises(
+        FileNotFoundError,
+        match=r"no file s3://bucket/a\.npy; .*jotlight\.open with a text take a URL$",
+    ):
         jl.open(Path("s3://bucket/a.npy"))
 
 

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jotlight.argument_types import complete_path, pattern_advice, was_url
+from jotlight.argument_types import complete_path, pattern_advice, url_of
 from jotlight.formats.description import companion_files
 from jotlight.formats.file_systems import expand_url, url_state
 from jotlight.sensing.maps import MAPS
@@ -59,8 +59,9 @@ def check_exists(path: Path) -> None:
             f"{path}: is a stream; write it to a file first, or show it by "
             f"`jotlight view {STANDARD_INPUT} --follow`"
         )
-    if was_url(path):
-        raise FileNotFoundError(f"there is no file {path}; {_TAKEN.format('a URL')}")
+    url = url_of(path)
+    if url is not None:
+        raise FileNotFoundError(f"there is no file {url}; {_TAKEN.format('a URL')}")
     _refuse_lost_links(path)
     advice = pattern_advice(path, f"name one; {_TAKEN.format('a pattern')}")
     raise FileNotFoundError(f"there is no file {path}{advice}")
