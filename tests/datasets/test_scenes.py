@@ -16,7 +16,7 @@ def test_photographs_are_gray_levels_divided_by_255(name):
 
 def test_a_photograph_is_decoded_once_and_each_array_is_the_callers_own(monkeypatch):
     first = datasets.photograph("coins")
-    monkeypatch.delattr("skimage.data.coins")
+    monkeypatch.setattr("skimage.data.coins", None)
     second = datasets.photograph("coins")
     first[:] = 0
     np.testing.assert_array_equal(second, datasets.photograph("coins"))

@@ -78,7 +78,7 @@ def equivalent_counts(
         np.ascontiguousarray(pixels.counts).reshape(images, -1),
         flatten(pixels.trials),
         (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
-        np.atleast_1d(np.float64(trials)),
+        np.atleast_1d(np.asarray(trials, np.float64)),
         reference,
         out.reshape(images, -1),
         threads,

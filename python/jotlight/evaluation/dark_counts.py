@@ -30,7 +30,8 @@ def warn_about_dark_counts(images: GrayImages, sensor: Sensor, threads: int | No
         pixels = part.count(sensor, threads)
         if pixels.varies_within_pixels:
             return
-        dark = detection_probability(int(sensor.threshold), np.float64(pixels.dark_counts))
+        of_jots = np.asarray(pixels.dark_counts, np.float64)
+        dark = detection_probability(int(sensor.threshold), of_jots)
         caused = np.broadcast_to(pixels.trials * dark, pixels.counts.shape)
         # Each image by itself: another one may be bright.
         ones, expected = (each.sum(axis=(-2, -1)) for each in (pixels.counts, caused))

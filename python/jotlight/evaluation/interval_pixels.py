@@ -229,7 +229,7 @@ class Pixels:
             return np.maximum(equivalent, _MIN_TRIALS)
         counted = PixelCounts(self.sensor, self.ones[None], equivalent[None], 1.0, 0.0, False)
         (local,) = count_local_trials(counted, self.threads)
-        return np.maximum(np.broadcast_to(np.float64(local), trials.shape), _MIN_TRIALS)
+        return np.maximum(np.broadcast_to(np.asarray(local, np.float64), trials.shape), _MIN_TRIALS)
 
     def relative_slope(self, estimate: Estimate) -> float | Array:
         """Return the derivative of z at a pixel's own jot with respect to z at the typical jot.

@@ -23,7 +23,7 @@ def count(bits, fields, tile, times, valid=None, threads=None):
     remainders = np.zeros((height, 2, -(-width // 16)), np.float32)
     mask = None if valid is None else np.packbits(valid, axis=1)
     engine.count_shifted(
-        np.packbits(bits, axis=2), width, fields, tile, np.float64(times), mask,
+        np.packbits(bits, axis=2), width, fields, tile, np.asarray(times, np.float64), mask,
         ones, trials, remainders, threads,
     )  # fmt: skip
     return ones, trials, remainders

@@ -155,7 +155,7 @@ class FilmEstimates:
 
     def _counts(self, merged: Merged) -> Counts:
         counted = count_pixels(merged, merged.sensor, self._threads)
-        trials = np.broadcast_to(np.float32(counted.trials), merged.ones.shape)
+        trials = np.broadcast_to(np.asarray(counted.trials, np.float32), merged.ones.shape)
         return Counts(equivalent_fractions(counted, self._threads), trials)
 
     def _displaced(self, image: FilmImage) -> Image | None:
