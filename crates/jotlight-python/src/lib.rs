@@ -12,6 +12,7 @@ mod arguments;
 mod bits;
 mod cpu;
 mod diffusion;
+mod filter;
 mod joint;
 mod likelihood;
 mod mle;
@@ -48,6 +49,8 @@ mod _engine {
     #[pymodule_export]
     use super::diffusion::diffuse;
     #[pymodule_export]
+    use super::filter::blur;
+    #[pymodule_export]
     use super::joint::{joint_maximum, joint_solution};
     #[pymodule_export]
     use super::likelihood::{
@@ -61,7 +64,7 @@ mod _engine {
     };
     #[pymodule_export]
     use super::motion::{
-        FilteredTemplate, add_shifted_values, blur, changed_remainders, chi_squared, count_shifted,
+        FilteredTemplate, add_shifted_values, changed_remainders, chi_squared, count_shifted,
         disagreement, displacement_equations, peak_of_shifted_scores, undo_remainders,
         velocity_scores,
     };

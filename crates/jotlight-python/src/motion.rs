@@ -167,19 +167,6 @@ pub fn changed_remainders<'py>(
     Ok(changed.map_err(to_python)?.into_pyarray(py))
 }
 
-/// Write images into `out` after a Gaussian filter.
-#[pyfunction]
-pub fn blur(
-    py: Python<'_>,
-    images: PyReadonlyArray3<'_, f32>,
-    sigma: f64,
-    mut out: PyReadwriteArray3<'_, f32>,
-    threads: Option<isize>,
-) -> PyResult<()> {
-    let (images, out) = (images.as_array(), out.as_array_mut());
-    run(py, threads, || motion::blur(images, sigma, out))
-}
-
 /// Write probabilities into `out` after their pixels are moved by the mean remainders, from `least` to
 /// 1 - `least`.
 #[pyfunction]

@@ -45,9 +45,10 @@
 //! 14. [`error`] defines the error type.
 //! 15. [`values`] defines parameters that are either one value or one value per element.
 //! 16. [`numbers`] defines the floating-point types and their SIMD vectors.
-//! 17. [`cpu`] selects the instruction set.
-//! 18. [`threads`] runs calls on a number of threads, and interrupts them.
-//! 19. [`roofline`] measures the peak speed of the processor for the benchmarks.
+//! 17. [`filter`] blurs images.
+//! 18. [`cpu`] selects the instruction set.
+//! 19. [`threads`] runs calls on a number of threads, and interrupts them.
+//! 20. [`roofline`] measures the peak speed of the processor for the benchmarks.
 //!
 //! # Example
 //!
@@ -65,6 +66,7 @@ pub mod bits;
 pub mod cpu;
 pub mod diffusion;
 pub mod error;
+pub mod filter;
 mod interrupt;
 pub mod joint;
 pub mod likelihood;

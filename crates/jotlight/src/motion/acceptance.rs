@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::block_sums::{accept_row, check_shape};
 use super::chi_squared::{Comparison, ROWS_PER_TASK, brightness_of_blocks, test_band};
 use super::disagreement::Counts;
-use super::filter::values;
 use crate::bits::packed_width;
 use crate::error::{Error, Result};
+use crate::filter::values;
 use crate::interrupt;
 
 /// Which counts agree with a template.

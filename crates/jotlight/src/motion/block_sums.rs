@@ -3,10 +3,10 @@
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use super::filter::values;
 use crate::bits::packed_width;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::filter::values;
 
 /// The number of rows that one task adds.
 const ROWS_PER_TASK: usize = 32;

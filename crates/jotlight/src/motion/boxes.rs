@@ -4,7 +4,7 @@
 //! of noise, it has m² times its variance, because it is the same noise. In a sum of variances, it
 //! thus counts with a weight of m each time.
 
-use super::filter::reflect;
+use crate::filter::reflect;
 
 /// Return how often each of three neighbors from `first` on, which may lie outside, is among them.
 pub(super) fn weights_of_variances(first: isize, length: usize) -> [f32; 3] {

@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::count::Count;
 use super::disagreement::Counts;
-use super::filter::values;
 use super::sums::{check_counts, check_shapes};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::filter::values;
 
 /// The number of sums that are computed together.
 const LANES: usize = 16;

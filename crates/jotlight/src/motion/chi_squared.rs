@@ -9,11 +9,11 @@ use super::boxes::{
 use super::brightness::{add_parts, ratios};
 use super::count::Count;
 use super::disagreement::Counts;
-use super::filter::{reflect, reflect_margins, values};
 use super::sums::{check_counts, check_shapes};
 use super::template::{SHARE_OF_TEMPLATE, are_possible, check_template, check_template_shapes};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::filter::{reflect, reflect_margins, values};
 use crate::interrupt;
 
 /// The number of rows that one task computes.

@@ -9,10 +9,10 @@ use super::boxes::{
 };
 use super::brightness::LIMITS;
 use super::count::Count;
-use super::filter::{reflect, reflect_margins, values};
 use super::sums::{check_counts, check_shapes};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::filter::{reflect, reflect_margins, values};
 use crate::interrupt;
 
 /// The side of the squares whose sums are computed, in pixels.

@@ -8,12 +8,12 @@ use rayon::prelude::*;
 use super::brightness::checked_ratio;
 use super::count::Count;
 use super::disagreement::Counts;
-use super::filter::{filter_twice, reflect, values};
 use super::shifted_counts::BLOCK;
 use super::sums::{Sums, check_remainders, check_shapes};
 use super::template::{SHARE_OF_TEMPLATE, Template};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::filter::{filter_twice, reflect, values};
 use crate::interrupt;
 
 /// The width of a tile in pixels.

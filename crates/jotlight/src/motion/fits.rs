@@ -52,5 +52,5 @@ pub fn fit_blocks<C: Count>(
 
 /// Return the sum of a row of counts.
 fn sum_row<C: Count>(row: ndarray::ArrayView1<'_, C>) -> f64 {
-    C::sum(&super::filter::values(row))
+    C::sum(&crate::filter::values(row))
 }

@@ -25,7 +25,7 @@
 //!    shifts of `shift_sums`. `shifted_values` adds values of the jots instead.
 //! 4. `count` and `sums` hold the results for a block of frames. `block_sums` adds them, and
 //!    `remainders` changes their motion.
-//! 5. `filter`, `boxes`, and `gradient` compute with rows of images.
+//! 5. `boxes` and `gradient` compute with rows of images.
 //! 6. `template` holds the probabilities to which blocks are compared, and `brightness` the
 //!    brightness of a block.
 //! 7. `equations` computes the normal equations of tiles. `affine` fits an affine motion to them,
@@ -51,7 +51,6 @@ mod curve;
 mod disagreement;
 mod equations;
 mod field;
-mod filter;
 mod fits;
 mod frames;
 mod gradient;
@@ -86,7 +85,6 @@ pub use curve::{Curve, Logarithms, MODES};
 pub use disagreement::{Counts, SQUARE, disagreement, relative_brightness};
 pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::Displacements;
-pub use filter::blur;
 pub use fits::{Share, fit_blocks};
 pub use gradient::undo_remainders;
 pub use object_gain::{GAINS, Object, PREDICTIONS, Seen, add_object_gain, mark_covered};

@@ -6,7 +6,6 @@ use ndarray::parallel::prelude::*;
 use ndarray::{ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
 
 use super::field::Displacements;
-use super::filter::values;
 use super::frames::Piece;
 use super::lines::BLOCK;
 use super::row::RowMotion;
@@ -14,6 +13,7 @@ use super::shifted_counts::{check_size, check_times};
 use super::source::Frame;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::filter::values;
 use crate::interrupt;
 
 /// Add values of the jots `(m, H, W)` to the sums of the pixels that see them, `out` `(m, H, W)`.

@@ -7,8 +7,8 @@ use ndarray::ArrayView2;
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
-use super::filter::values;
 use crate::cpu::levels;
+use crate::filter::values;
 
 /// The number of frequencies in a [`Part`].
 pub(super) const LANES: usize = 16;

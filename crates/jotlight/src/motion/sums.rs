@@ -3,9 +3,9 @@
 use ndarray::{ArrayView2, ArrayView3};
 
 use super::count::Count;
-use super::filter::values;
 use super::shifted_counts::BLOCK;
 use crate::error::{Error, Result};
+use crate::filter::values;
 
 /// The sums of a block of frames along a motion, as [`super::count_shifted`] computes them.
 #[derive(Clone, Copy, Debug)]

@@ -3,9 +3,9 @@
 use ndarray::{ArrayView2, Axis};
 use rayon::prelude::*;
 
-use super::filter::{LANES, ROWS_PER_TASK, filter_rows, gaussian, reflect, values};
 use super::gradient::{RADIUS, differentiate};
 use crate::error::{Error, Result};
+use crate::filter::{LANES, ROWS_PER_TASK, filter_rows, gaussian, reflect, values};
 use crate::{interrupt, memory};
 
 /// The variance of the template of D_R trials, in units of that of the raw fraction of ones.

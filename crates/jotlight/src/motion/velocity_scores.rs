@@ -4,10 +4,10 @@ use ndarray::{Array3, ArrayView3, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex;
 
-use super::filter::values;
 use super::spectra::{LANES, Part, Scratch, Transforms};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::filter::values;
 use crate::interrupt;
 use crate::memory;
 

@@ -3,7 +3,7 @@
 use ndarray::{ArcArray, Array2, ArrayView2, Axis, Ix2};
 
 use crate::error::{Error, Result};
-use crate::motion;
+use crate::filter;
 
 /// The maximum ratio of neighboring levels.
 const MAX_RATIO: f64 = std::f64::consts::SQRT_2;
@@ -100,7 +100,7 @@ pub fn local_trials(trials: ArrayView2<'_, f64>) -> Result<LocalTrials> {
     let noise = trials.mapv(|trials| (1.0 / trials) as f32);
     let noise = noise.insert_axis(Axis(0));
     let mut blurred = noise.clone();
-    motion::blur(noise.view(), NEIGHBORHOOD, blurred.view_mut())?;
+    filter::blur(noise.view(), NEIGHBORHOOD, blurred.view_mut())?;
     let noise = blurred.index_axis_move(Axis(0), 0);
     let (low, high) = extremes(noise.view());
     if high <= NEAR_RATIO * low {

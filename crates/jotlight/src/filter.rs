@@ -1,4 +1,4 @@
-//! Filters of images in rows of `f32`.
+//! Separable filters of images of `f32`, and the Gaussian blur.
 
 use std::borrow::Cow;
 
@@ -14,10 +14,10 @@ use crate::numbers::{Lanes, MAX_LANES};
 const VECTORS: usize = 4;
 
 /// The maximum number of values that are filtered together. Rows are padded to a multiple of it.
-pub(super) const LANES: usize = VECTORS * MAX_LANES;
+pub(crate) const LANES: usize = VECTORS * MAX_LANES;
 
 /// The number of rows that one task filters.
-pub(super) const ROWS_PER_TASK: usize = 16;
+pub(crate) const ROWS_PER_TASK: usize = 16;
 
 /// The distance beyond which a Gaussian is 0, in standard deviations.
 const TRUNCATION: f64 = 3.0;
@@ -25,22 +25,8 @@ const TRUNCATION: f64 = 3.0;
 /// The maximum standard deviation of a Gaussian in pixels.
 const MAX_SIGMA: f64 = 100.0;
 
-/// The taps of the derivative, exact for polynomials of degree 6.
-///
-/// Rounding shifts the scene by up to half a pixel. Differences of direct neighbors underestimate
-/// the slopes of fine details by a fifth, and so the effect of this shift.
-pub(super) const DERIVATIVE: [f32; 7] = [
-    -1.0 / 60.0,
-    3.0 / 20.0,
-    -3.0 / 4.0,
-    0.0,
-    3.0 / 4.0,
-    -3.0 / 20.0,
-    1.0 / 60.0,
-];
-
 /// Return the taps of a Gaussian, whose sum is 1.
-pub(super) fn gaussian(sigma: f64) -> Result<Vec<f32>> {
+pub(crate) fn gaussian(sigma: f64) -> Result<Vec<f32>> {
     if !(sigma > 0.0 && sigma <= MAX_SIGMA) {
         let expected = format!("above 0 and at most {MAX_SIGMA}");
         return Err(Error::range("width of the filter", expected, sigma));
@@ -55,7 +41,7 @@ pub(super) fn gaussian(sigma: f64) -> Result<Vec<f32>> {
 
 /// Return the index in an image of a row or column that may lie outside: … 1 0 0 1 2 … n-1 n-1 …
 #[inline(always)]
-pub(super) fn reflect(index: isize, length: usize) -> usize {
+pub(crate) fn reflect(index: isize, length: usize) -> usize {
     let index = index.rem_euclid(2 * length as isize) as usize;
     index.min(2 * length - 1 - index)
 }
@@ -63,7 +49,7 @@ pub(super) fn reflect(index: isize, length: usize) -> usize {
 /// Replace the values before and after the `length` values of a row that begin at `margin`: the
 /// values at a distance of up to `margin` are reflected.
 #[inline(always)]
-pub(super) fn reflect_margins(row: &mut [f32], margin: usize, length: usize) {
+pub(crate) fn reflect_margins(row: &mut [f32], margin: usize, length: usize) {
     for distance in 1..=margin {
         row[margin - distance] = row[margin + reflect(-(distance as isize), length)];
         let after = margin + length + distance - 1;
@@ -72,7 +58,7 @@ pub(super) fn reflect_margins(row: &mut [f32], margin: usize, length: usize) {
 }
 
 /// Rows of an image in memory.
-pub(super) struct Rows<T> {
+pub(crate) struct Rows<T> {
     pub values: T,
     /// The distance between the first values of neighboring rows.
     pub stride: usize,
@@ -89,7 +75,7 @@ impl<T> Rows<T> {
 ///
 /// `columns` is a multiple of [`LANES`]. If `step` is the distance of the rows, the filter is
 /// vertical. The stride of `source` may be a multiple of it.
-pub(super) fn filter(
+pub(crate) fn filter(
     source: Rows<&[f32]>,
     step: usize,
     taps: &[f32],
@@ -142,7 +128,7 @@ impl WithSimd for Filter<'_> {
 ///
 /// `source` holds rows, and as many before and after as there are taps on a side. `out` holds every
 /// `step`th of the former ones.
-pub(super) fn filter_twice(
+pub(crate) fn filter_twice(
     source: &[f32],
     step: usize,
     taps: &[f32],
@@ -166,7 +152,7 @@ pub(super) fn filter_twice(
 /// its borders, the image is reflected.
 ///
 /// The rows of `out` are padded to a multiple of [`LANES`] values.
-pub(super) fn filter_rows(image: ArrayView2<'_, f32>, first: usize, taps: &[f32], out: &mut [f32]) {
+pub(crate) fn filter_rows(image: ArrayView2<'_, f32>, first: usize, taps: &[f32], out: &mut [f32]) {
     let (height, width) = image.dim();
     let (stride, radius) = (width.next_multiple_of(LANES), taps.len() / 2);
     let mut near = vec![0.0; out.len() + 2 * radius * stride];
@@ -217,7 +203,7 @@ pub fn blur(
 }
 
 /// Return the values of a row. They are copied only if they are not contiguous.
-pub(super) fn values<T: Copy>(row: ArrayView1<'_, T>) -> Cow<'_, [T]> {
+pub(crate) fn values<T: Copy>(row: ArrayView1<'_, T>) -> Cow<'_, [T]> {
     match row.to_slice() {
         Some(values) => Cow::Borrowed(values),
         None => Cow::Owned(row.iter().copied().collect()),
