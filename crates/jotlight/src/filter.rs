@@ -1,10 +1,10 @@
 //! Separable filters of images of `f32`, and the Gaussian blur.
 
-use std::borrow::Cow;
-
-use ndarray::{ArrayView1, ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
+use crate::bits::contiguous;
+use crate::border::{mirror_index, reflect_margins};
 use crate::cpu::{self, Simd, WithSimd};
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -37,24 +37,6 @@ pub(crate) fn gaussian(sigma: f64) -> Result<Vec<f32>> {
     Ok((-radius..=radius)
         .map(|distance| (tap(distance) / sum) as f32)
         .collect())
-}
-
-/// Return the index in an image of a row or column that may lie outside: … 1 0 0 1 2 … n-1 n-1 …
-#[inline(always)]
-pub(crate) fn reflect(index: isize, length: usize) -> usize {
-    let index = index.rem_euclid(2 * length as isize) as usize;
-    index.min(2 * length - 1 - index)
-}
-
-/// Replace the values before and after the `length` values of a row that begin at `margin`: the
-/// values at a distance of up to `margin` are reflected.
-#[inline(always)]
-pub(crate) fn reflect_margins(row: &mut [f32], margin: usize, length: usize) {
-    for distance in 1..=margin {
-        row[margin - distance] = row[margin + reflect(-(distance as isize), length)];
-        let after = margin + length + distance - 1;
-        row[after] = row[margin + reflect((length + distance - 1) as isize, length)];
-    }
 }
 
 /// Rows of an image in memory.
@@ -158,7 +140,7 @@ pub(crate) fn filter_rows(image: ArrayView2<'_, f32>, first: usize, taps: &[f32]
     let mut near = vec![0.0; out.len() + 2 * radius * stride];
     for (index, near) in near.chunks_exact_mut(stride).enumerate() {
         let row = (first + index) as isize - radius as isize;
-        near[..width].copy_from_slice(&values(image.row(reflect(row, height))));
+        near[..width].copy_from_slice(&contiguous(image.row(mirror_index(row, height))));
     }
     filter_twice(&near, 1, taps, out, width);
 }
@@ -200,12 +182,4 @@ pub fn blur(
             .for_each(|(band, out)| filter_band(image, band * ROWS_PER_TASK, out));
     });
     Ok(())
-}
-
-/// Return the values of a row. They are copied only if they are not contiguous.
-pub(crate) fn values<T: Copy>(row: ArrayView1<'_, T>) -> Cow<'_, [T]> {
-    match row.to_slice() {
-        Some(values) => Cow::Borrowed(values),
-        None => Cow::Owned(row.iter().copied().collect()),
-    }
 }

@@ -63,6 +63,7 @@
 
 pub mod admm;
 pub mod bits;
+mod border;
 pub mod cpu;
 pub mod diffusion;
 pub mod error;

@@ -6,9 +6,8 @@ use rayon::prelude::*;
 use super::block_sums::{accept_row, check_shape};
 use super::chi_squared::{Comparison, ROWS_PER_TASK, brightness_of_blocks, test_band};
 use super::disagreement::Counts;
-use crate::bits::packed_width;
+use crate::bits::{contiguous, packed_width};
 use crate::error::{Error, Result};
-use crate::filter::values;
 use crate::interrupt;
 
 /// Which counts agree with a template.
@@ -156,7 +155,7 @@ fn accept_band(
         let row = first + index;
         let counts = [block.ones.row(row), block.trials.row(row)];
         let sums = [ones.row_mut(index), trials.row_mut(index)];
-        accept_row(&values(test), limit, counts, sums, &mut bytes);
+        accept_row(&contiguous(test), limit, counts, sums, &mut bytes);
         let mut mask = mask.row_mut(index);
         mask.iter_mut()
             .zip(&bytes)

@@ -3,10 +3,9 @@
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use crate::bits::packed_width;
+use crate::bits::{contiguous, packed_width};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::filter::values;
 
 /// The number of rows that one task adds.
 const ROWS_PER_TASK: usize = 32;
@@ -25,7 +24,7 @@ pub fn add_counts(parts: &[ArrayView2<'_, i32>], mut out: ArrayViewMut2<'_, i32>
         .enumerate()
         .for_each(|(row, mut out)| {
             for part in parts {
-                add(&values(part.row(row)), &mut out);
+                add(&contiguous(part.row(row)), &mut out);
             }
         });
     Ok(())
@@ -69,7 +68,7 @@ pub fn add_accepted(test: ArrayView2<'_, f32>, limit: f32, block: Accepted<'_>) 
             let counts = counts.map(|counts| counts.index_axis_move(Axis(0), row));
             let mut bytes = vec![0; width];
             accept_row(
-                &values(test.row(row)),
+                &contiguous(test.row(row)),
                 limit,
                 counts,
                 [ones, trials],
@@ -124,7 +123,7 @@ fn accept_row_inlined(
     mask: &mut [u8],
 ) {
     for (counts, sums) in counts.into_iter().zip(sums) {
-        add_below(test, limit, &values(counts), sums);
+        add_below(test, limit, &contiguous(counts), sums);
     }
     let (tests, rest) = test.as_chunks::<8>();
     for (byte, test) in mask.iter_mut().zip(tests) {

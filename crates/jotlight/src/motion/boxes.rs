@@ -4,11 +4,11 @@
 //! of noise, it has m² times its variance, because it is the same noise. In a sum of variances, it
 //! thus counts with a weight of m each time.
 
-use crate::filter::reflect;
+use crate::border::mirror_index;
 
 /// Return how often each of three neighbors from `first` on, which may lie outside, is among them.
 pub(super) fn weights_of_variances(first: isize, length: usize) -> [f32; 3] {
-    let places = [0, 1, 2].map(|k| reflect(first + k, length));
+    let places = [0, 1, 2].map(|k| mirror_index(first + k, length));
     places.map(|place| places.iter().filter(|&&other| other == place).count() as f32)
 }
 

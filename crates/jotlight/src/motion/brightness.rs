@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use super::count::Count;
 use super::disagreement::Counts;
 use super::sums::{check_counts, check_shapes};
+use crate::bits::contiguous;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::filter::values;
 
 /// The number of sums that are computed together.
 const LANES: usize = 16;
@@ -42,7 +42,7 @@ pub fn brightness_of<C: Count>(
 ) -> Result<f64> {
     check_shapes(ones, trials, probability.dim())?;
     let parts = [Counts { ones, trials }];
-    checked_ratio(&parts, |row| values(probability.row(row)))
+    checked_ratio(&parts, |row| contiguous(probability.row(row)))
 }
 
 /// Return what [`brightness_of`] returns for counts whose shapes match. `row(i)` are the
@@ -93,7 +93,10 @@ pub(super) fn ratios<'a, C: Count>(
                     is_wrong,
                     ..RowSums::default()
                 };
-                let (ones, trials) = (values(part.ones.row(index)), values(part.trials.row(index)));
+                let (ones, trials) = (
+                    contiguous(part.ones.row(index)),
+                    contiguous(part.trials.row(index)),
+                );
                 add_row(&ones, &trials, &p, &mut sums);
                 sums
             });
@@ -174,7 +177,7 @@ pub(super) fn add_parts<C: Count>(
     for (index, part) in parts.iter().enumerate() {
         let planes = [(part.ones, &mut *ones), (part.trials, &mut *trials)];
         for (counts, out) in planes {
-            let counts = values(counts.index_axis_move(ndarray::Axis(0), row));
+            let counts = contiguous(counts.index_axis_move(ndarray::Axis(0), row));
             let pairs = out.iter_mut().zip(counts.iter());
             if index == 0 {
                 pairs.for_each(|(out, count)| *out = count.to_f32());

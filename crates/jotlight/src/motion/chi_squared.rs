@@ -11,9 +11,10 @@ use super::count::Count;
 use super::disagreement::Counts;
 use super::sums::{check_counts, check_shapes};
 use super::template::{SHARE_OF_TEMPLATE, are_possible, check_template, check_template_shapes};
+use crate::bits::contiguous;
+use crate::border::{mirror_index, reflect_margins};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::filter::{reflect, reflect_margins, values};
 use crate::interrupt;
 
 /// The number of rows that one task computes.
@@ -55,10 +56,10 @@ pub(super) fn brightness_of_blocks<C: Count>(
     for part in parts() {
         check_shapes(part.ones, part.trials, probability.dim())?;
     }
-    let row = |row| values(probability.row(row));
+    let row = |row| contiguous(probability.row(row));
     let is_possible = |row| {
-        let trials = values(trials_of_template.row(row));
-        are_possible(&values(probability.row(row)), &trials)
+        let trials = contiguous(trials_of_template.row(row));
+        are_possible(&contiguous(probability.row(row)), &trials)
     };
     if let Some(ratios) = ratios(blocks, row, is_possible, f64::from(RARE)) {
         return Ok(ratios);
@@ -139,7 +140,7 @@ fn test_band_inlined<C: Count>(
     let at_borders = sums_at_borders(RADIUS, width);
     for index in 0..rows + 2 * RADIUS {
         let place = (first + index) as isize - RADIUS as isize;
-        let row = reflect(place, height);
+        let row = mirror_index(place, height);
         add_parts(comparison.parts, row, &mut counts);
         let known = counted.row_mut(index);
         compare_row(comparison, per_one, row, &counts, &mut terms, known);
@@ -229,8 +230,8 @@ fn compare_row<C: Count>(
 ) {
     let width = ones.len();
     let inner = RADIUS..RADIUS + width;
-    let p = values(comparison.probability.row(row));
-    let of_template = values(comparison.trials_of_template.row(row));
+    let p = contiguous(comparison.probability.row(row));
+    let of_template = contiguous(comparison.trials_of_template.row(row));
     let residual = residuals[inner.clone()].iter_mut().zip(ones.iter());
     for ((residual, &ones), (&trials, &p)) in residual.zip(trials.iter().zip(p.iter())) {
         let added = if trials > 0.0 { RARE } else { 0.0 };

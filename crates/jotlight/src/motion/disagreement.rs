@@ -10,9 +10,10 @@ use super::boxes::{
 use super::brightness::LIMITS;
 use super::count::Count;
 use super::sums::{check_counts, check_shapes};
+use crate::bits::contiguous;
+use crate::border::{mirror_index, reflect_margins};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::filter::{reflect, reflect_margins, values};
 use crate::interrupt;
 
 /// The side of the squares whose sums are computed, in pixels.
@@ -97,7 +98,7 @@ pub fn relative_brightness<'a, C: Count>(
         .into_par_iter()
         .map(|row| {
             let rows = [first.ones, first.trials, second.ones, second.trials];
-            let rows = rows.map(|counts| values(counts.index_axis_move(Axis(0), row)));
+            let rows = rows.map(|counts| contiguous(counts.index_axis_move(Axis(0), row)));
             let (mut sums, mut is_wrong) = ([0.0; 2], false);
             add_comparable(
                 rows.each_ref().map(|row| &row[..]),
@@ -200,7 +201,7 @@ fn compare_band_inlined<C: Count>(
     // Only the last rows are kept, which stay in the fastest cache.
     for index in 0..rows + 2 {
         let place = (first_row + index) as isize - 1;
-        let row = reflect(place, height);
+        let row = mirror_index(place, height);
         compare_row(parts, brightness, row, &mut terms, known.row_mut(index));
         for (sums, terms) in sums[..LINEAR].iter_mut().zip(&terms) {
             add_neighbors(terms, 1, sums.row_mut(index));
@@ -272,8 +273,14 @@ fn compare_row<C: Count>(
     known: &mut [f32],
 ) {
     let width = known.len();
-    let (ones, trials) = (values(first.ones.row(row)), values(first.trials.row(row)));
-    let (others, other_trials) = (values(second.ones.row(row)), values(second.trials.row(row)));
+    let (ones, trials) = (
+        contiguous(first.ones.row(row)),
+        contiguous(first.trials.row(row)),
+    );
+    let (others, other_trials) = (
+        contiguous(second.ones.row(row)),
+        contiguous(second.trials.row(row)),
+    );
     let [all, numbers, differences, linear, quadratic] =
         terms.each_mut().map(|term| &mut term[1..][..width]);
     let inverse = 1.0 / brightness;

@@ -11,9 +11,11 @@ use super::disagreement::Counts;
 use super::shifted_counts::BLOCK;
 use super::sums::{Sums, check_remainders, check_shapes};
 use super::template::{SHARE_OF_TEMPLATE, Template};
+use crate::bits::contiguous;
+use crate::border::mirror_index;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::filter::{filter_twice, reflect, values};
+use crate::filter::filter_twice;
 use crate::interrupt;
 
 /// The width of a tile in pixels.
@@ -212,7 +214,7 @@ fn gather<C: Count>(
     let mut planes = [(); 2].map(|()| vec![0.0; length]);
     let [ones, trials] = &mut planes;
     for index in 0..rows + 2 * radius {
-        let row = reflect((first + index) as isize - radius as isize, height);
+        let row = mirror_index((first + index) as isize - radius as isize, height);
         let range = index * stride..index * stride + width;
         convert(sums.ones.row(row), &mut ones[range.clone()]);
         convert(sums.trials.row(row), &mut trials[range]);
@@ -223,7 +225,7 @@ fn gather<C: Count>(
 /// Convert the counts of a row.
 #[inline(always)]
 fn convert<C: Count>(counts: ArrayView1<'_, C>, out: &mut [f32]) {
-    for (out, &count) in out.iter_mut().zip(values(counts).iter()) {
+    for (out, &count) in out.iter_mut().zip(contiguous(counts).iter()) {
         *out = count.to_f32();
     }
 }

@@ -8,6 +8,7 @@ use super::count::Count;
 use super::equations::{EquationsView, normal_equations};
 use super::sums::Sums;
 use super::template::Template;
+use crate::bits::contiguous;
 use crate::error::Result;
 
 /// The blocks of a template.
@@ -52,5 +53,5 @@ pub fn fit_blocks<C: Count>(
 
 /// Return the sum of a row of counts.
 fn sum_row<C: Count>(row: ndarray::ArrayView1<'_, C>) -> f64 {
-    C::sum(&crate::filter::values(row))
+    C::sum(&contiguous(row))
 }

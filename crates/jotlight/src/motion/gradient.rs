@@ -5,9 +5,11 @@ use rayon::prelude::*;
 
 use super::shifted_counts::BLOCK;
 use super::sums::check_remainders;
+use crate::bits::contiguous;
+use crate::border::{mirror_index, reflect_margins};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::filter::{LANES, Rows, filter, reflect, reflect_margins, values};
+use crate::filter::{LANES, Rows, filter};
 use crate::interrupt;
 
 /// The taps of the derivative, exact for polynomials of degree 6.
@@ -97,8 +99,8 @@ pub fn undo_remainders(
         let (first, rows) = (band * ROWS_PER_TASK, out.nrows());
         let mut near = vec![0.0; (rows + 2 * RADIUS) * stride];
         for (index, near) in near.chunks_exact_mut(stride).enumerate() {
-            let row = reflect((first + index) as isize - RADIUS as isize, height);
-            near[..width].copy_from_slice(&values(image.row(row)));
+            let row = mirror_index((first + index) as isize - RADIUS as isize, height);
+            near[..width].copy_from_slice(&contiguous(image.row(row)));
         }
         let mut gradient = [(); 2].map(|()| vec![0.0; rows * stride]);
         let [along_rows, along_columns] = &mut gradient;
@@ -130,7 +132,7 @@ fn check_finite(image: ArrayView2<'_, f32>) -> Result<()> {
     }
     // Without an early end in a row, the compiler vectorizes the search.
     let is_wrong = |row: usize| {
-        let row = values(image.row(row));
+        let row = contiguous(image.row(row));
         row.iter()
             .fold(false, |any, value| any | !value.is_finite())
     };

@@ -11,9 +11,9 @@ use super::lines::BLOCK;
 use super::row::RowMotion;
 use super::shifted_counts::{check_size, check_times};
 use super::source::Frame;
+use crate::bits::contiguous;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::filter::values;
 use crate::interrupt;
 
 /// Add values of the jots `(m, H, W)` to the sums of the pixels that see them, `out` `(m, H, W)`.
@@ -128,7 +128,7 @@ fn add_part(
     let source_row = row.saturating_add_signed(shift[0] as isize);
     let first = start.saturating_add_signed(shift[1] as isize);
     for (of_jots, mut out) in input.of_jots.outer_iter().zip(out.rows_mut()) {
-        let source = values(of_jots.row(source_row));
+        let source = contiguous(of_jots.row(source_row));
         let source = &source[first..][..end - start];
         match out.as_slice_mut() {
             Some(out) => add(source, &mut out[start..end]),

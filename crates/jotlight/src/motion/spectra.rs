@@ -7,8 +7,8 @@ use ndarray::ArrayView2;
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
+use crate::bits::contiguous;
 use crate::cpu::levels;
-use crate::filter::values;
 
 /// The number of frequencies in a [`Part`].
 pub(super) const LANES: usize = 16;
@@ -239,7 +239,7 @@ fn load_inlined(
 ) {
     let mut sum = 0;
     for row in window.rows() {
-        sum += values(row)
+        sum += contiguous(row)
             .iter()
             .map(|&count| i64::from(count))
             .sum::<i64>();
@@ -250,7 +250,10 @@ fn load_inlined(
         let is_alone = first == second;
         let factors = [down[first], if is_alone { 0.0 } else { down[second] }];
         let factors = factors.map(|down| factor * down);
-        let (first, second) = (values(window.row(first)), values(window.row(second)));
+        let (first, second) = (
+            contiguous(window.row(first)),
+            contiguous(window.row(second)),
+        );
         let (out, padding) = out.split_at_mut(right.len());
         for (((out, &first), &second), &right) in
             out.iter_mut().zip(&*first).zip(&*second).zip(right)

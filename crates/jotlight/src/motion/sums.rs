@@ -4,8 +4,8 @@ use ndarray::{ArrayView2, ArrayView3};
 
 use super::count::Count;
 use super::shifted_counts::BLOCK;
+use crate::bits::contiguous;
 use crate::error::{Error, Result};
-use crate::filter::values;
 
 /// The sums of a block of frames along a motion, as [`super::count_shifted`] computes them.
 #[derive(Clone, Copy, Debug)]
@@ -62,7 +62,7 @@ pub(super) fn check_counts<C: Count>(
 ) -> Result<()> {
     check_shapes(ones, trials, size)?;
     for (ones, trials) in ones.rows().into_iter().zip(trials.rows()) {
-        let (ones, trials) = (values(ones), values(trials));
+        let (ones, trials) = (contiguous(ones), contiguous(trials));
         let is_wrong = |(&ones, &trials): (&C, &C)| !C::are_possible(ones, trials);
         let mut pairs = ones.iter().zip(trials.iter());
         // Without an early end, the compiler vectorizes the search.

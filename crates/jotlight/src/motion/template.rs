@@ -4,8 +4,10 @@ use ndarray::{ArrayView2, Axis};
 use rayon::prelude::*;
 
 use super::gradient::{RADIUS, differentiate};
+use crate::bits::contiguous;
+use crate::border::mirror_index;
 use crate::error::{Error, Result};
-use crate::filter::{LANES, ROWS_PER_TASK, filter_rows, gaussian, reflect, values};
+use crate::filter::{LANES, ROWS_PER_TASK, filter_rows, gaussian};
 use crate::{interrupt, memory};
 
 /// The variance of the template of D_R trials, in units of that of the raw fraction of ones.
@@ -66,7 +68,7 @@ impl Template {
         template.differentiate();
         let rows = template.trials.par_chunks_mut(stride);
         rows.zip(trials.axis_iter(Axis(0))).for_each(|(out, row)| {
-            for (out, &trials) in out.iter_mut().zip(values(row).iter()) {
+            for (out, &trials) in out.iter_mut().zip(contiguous(row).iter()) {
                 *out = trials.max(1) as f32;
             }
         });
@@ -111,7 +113,7 @@ impl Template {
                 let first = (band * ROWS_PER_TASK) as isize - RADIUS as isize;
                 let mut near = vec![0.0; (along_rows.len() / stride + 2 * RADIUS) * stride];
                 for (index, near) in near.chunks_exact_mut(stride).enumerate() {
-                    let row = reflect(first + index as isize, height);
+                    let row = mirror_index(first + index as isize, height);
                     near.copy_from_slice(&source[row * stride..][..stride]);
                 }
                 differentiate(&near, along_rows, along_columns, width);
@@ -170,7 +172,7 @@ pub(super) fn check_template(
 ) -> Result<()> {
     check_template_shapes(probability, trials)?;
     for (probabilities, trials) in probability.rows().into_iter().zip(trials.rows()) {
-        let (probabilities, trials) = (values(probabilities), values(trials));
+        let (probabilities, trials) = (contiguous(probabilities), contiguous(trials));
         if are_possible(&probabilities, &trials) {
             continue;
         }

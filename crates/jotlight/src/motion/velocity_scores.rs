@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use rustfft::num_complex::Complex;
 
 use super::spectra::{LANES, Part, Scratch, Transforms};
+use crate::bits::contiguous;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::filter::values;
 use crate::interrupt;
 use crate::memory;
 
@@ -54,7 +54,7 @@ pub fn velocity_scores(
     let shape = (windows.corners.len(), line.len(), line.len());
     let mut scores = memory::zeros("scores", shape)?;
     let rows = blocks.lanes(Axis(2)).into_iter();
-    let largest = rows.map(|row| largest_magnitude(&values(row))).max();
+    let largest = rows.map(|row| largest_magnitude(&contiguous(row))).max();
     let correlator = Correlator {
         blocks,
         windows,

@@ -7,8 +7,9 @@ use std::ops::Range;
 use ndarray::{ArrayView2, s};
 
 use super::interleave::interleave;
-use super::kernel::{Kernel, mirror_index};
+use super::kernel::Kernel;
 use crate::bits::contiguous;
+use crate::border::mirror_index;
 use crate::cpu::levels;
 
 /// The number of taps of g that a jot sees, which is the degree of the largest B-spline + 1.

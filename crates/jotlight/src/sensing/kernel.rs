@@ -1,5 +1,4 @@
-//! The interpolation kernel: its integrals g over the jots (paper, equations (1) and (2)), and the
-//! continuation of the image beyond its border.
+//! The interpolation kernel: its integrals g over the jots (paper, equations (1) and (2)).
 
 use num_integer::div_rem;
 
@@ -71,7 +70,7 @@ impl Kernel {
     /// The light of degree + 1 consecutive pixels reaches each jot.
     ///
     /// `Differs from the paper:` the image continues symmetrically beyond its border, see
-    /// [`mirror_index`]. In the paper the image is 0 there, which darkens the border.
+    /// [`crate::border`]. In the paper the image is 0 there, which darkens the border.
     pub(super) fn last_pixel(&self, jot: usize) -> (isize, usize) {
         let (pixel, position) = div_rem(jot + self.shift, self.oversampling);
         (pixel as isize, position)
@@ -86,17 +85,6 @@ impl Kernel {
             .step_by(self.oversampling)
             .copied()
     }
-}
-
-/// Return the index in `0..size` that symmetric continuation assigns to `index`.
-///
-/// The continuation repeats the pixel at the edge: … 1 0 | 0 1 2 … n−1 | n−1 n−2 …
-pub(crate) fn mirror_index(index: isize, size: usize) -> usize {
-    if (0..size as isize).contains(&index) {
-        return index as usize;
-    }
-    let folded = index.rem_euclid(2 * size as isize) as usize;
-    folded.min(2 * size - 1 - folded)
 }
 
 /// Return the integral from 0 to `x` of the B-spline with knots 0, 1, …, degree + 1.
@@ -143,11 +131,5 @@ mod tests {
             }
         }
         Ok(())
-    }
-
-    #[test]
-    fn mirror_index_repeats_the_edge() {
-        let row: Vec<usize> = (-4..8).map(|index| mirror_index(index, 3)).collect();
-        assert_eq!(row, [2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1]);
     }
 }

@@ -18,7 +18,6 @@ mod spread;
 
 pub(crate) use count::can_draw_counts;
 pub(crate) use exposure::Exposure;
-pub(crate) use kernel::mirror_index;
 
 use std::ops::Range;
 

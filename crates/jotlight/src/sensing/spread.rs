@@ -7,8 +7,9 @@ use rayon::prelude::*;
 
 use super::filter::filter_row;
 use super::jots_of_pixels;
-use super::kernel::{Kernel, mirror_index};
+use super::kernel::Kernel;
 use crate::bits::contiguous;
+use crate::border::mirror_index;
 use crate::error::{Error, Result};
 use crate::{interrupt, memory};
 

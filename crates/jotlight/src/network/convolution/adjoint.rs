@@ -6,9 +6,9 @@ use ndarray::{Array3, ArrayView3, ArrayView4};
 use super::direct::FilterTiles;
 use super::leading_rows;
 use super::padded::Padded;
+use crate::border::mirror_index;
 use crate::network::tiling::strips::PlanesMut;
 use crate::numbers::Real;
-use crate::sensing::mirror_index;
 
 /// For each input channel, a filter that holds the taps of all outputs for this channel.
 #[derive(Clone, Debug)]

@@ -8,12 +8,12 @@ use super::direct::SPARE_ROWS;
 use super::filter_taps::{FilterTaps, TapOrder};
 use super::tap_gradient::SPARE_COLUMNS;
 use super::{PlanesView, leading_rows};
+use crate::border::mirror_index;
 use crate::cpu::levels;
 use crate::interrupt;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
 use crate::numbers::{MAX_LANES, Real};
-use crate::sensing::mirror_index;
 
 /// A stack of planes with a mirrored border. The inner loops may read beyond the end of a row.
 #[derive(Default)]

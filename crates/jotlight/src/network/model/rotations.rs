@@ -2,6 +2,7 @@
 
 use ndarray::{Array3, ArrayBase, ArrayView3, Axis, Ix3, RawData, s};
 
+use crate::border::mirror_index;
 use crate::error::Result;
 
 /// Return planes `(C, H, W)`, rotated counterclockwise `turns` times by 90 degrees.
@@ -45,18 +46,14 @@ pub(super) fn mean_of_rotations(
 /// Return planes with mirrored rows and columns appended, up to multiples of a number.
 fn padded_to_multiple(planes: ArrayView3<'_, f32>, divisor: usize) -> Array3<f32> {
     let (channels, height, width) = planes.dim();
-    // The border is repeated, and the rows before it follow in reverse: … n-2 n-1 n-1 n-2 …
-    let mirrored = |index: usize, length: usize| {
-        let index = index % (2 * length);
-        index.min(2 * length - 1 - index)
-    };
     let shape = (
         channels,
         height.next_multiple_of(divisor),
         width.next_multiple_of(divisor),
     );
     Array3::from_shape_fn(shape, |(channel, row, column)| {
-        planes[[channel, mirrored(row, height), mirrored(column, width)]]
+        let mirror = |index, size| mirror_index(index as isize, size);
+        planes[[channel, mirror(row, height), mirror(column, width)]]
     })
 }
 

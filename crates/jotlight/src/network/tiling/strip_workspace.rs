@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use super::region::Region;
 use super::strips::{PlanesMut, StripedPlanes};
+use crate::border::mirror_index;
 use crate::cpu::levels;
 use crate::network::convolution::padded::Padded;
 use crate::network::convolution::tiles::TileWorkspace;
 use crate::network::convolution::winograd::Finish;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
-use crate::sensing::mirror_index;
 
 /// The buffers for the evaluation of a strip.
 #[derive(Default)]

@@ -4,6 +4,7 @@
 //! column, so no tile divides a cache line, which would take several times as long to load.
 
 use super::{FILTER_SIZE, SIDE, TileFilters, TileUnit, pair_of};
+use crate::border::mirror_index;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
 use crate::network::convolution::winograd::Finish;
@@ -11,7 +12,6 @@ use crate::network::tiling::region::Region;
 use crate::network::tiling::strip_workspace::interleave_inlined;
 use crate::network::tiling::strips::{LINE, PlaneRow, PlanesMut, StripedPlanes, line_start};
 use crate::numbers::Real;
-use crate::sensing::mirror_index;
 
 /// The number of columns of a block: those of two tiles.
 const COLUMNS: usize = 2 * SIDE;

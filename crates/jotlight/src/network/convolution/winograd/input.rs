@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use super::transforms::{DEPTH, transform_input};
 use super::{BLOCK_REGISTERS, TILE};
+use crate::border::mirror_index;
 use crate::cpu::Simd;
 use crate::network::tiling::strips::{PlaneRow, StripedPlanes};
 use crate::numbers::{MAX_LANES, Real};
-use crate::sensing::mirror_index;
 
 /// The rows and columns of the input of a block: rows of tiles, one below the other.
 pub(super) struct InputBlock<'a, F> {

@@ -223,8 +223,8 @@ mod tests {
     use ndarray::{Array3, Array4, s};
 
     use super::*;
+    use crate::border::mirror_index;
     use crate::network::tiling::strips::{RowLayout, Strip};
-    use crate::sensing::mirror_index;
 
     /// Return pseudorandom values in \[−0.5, 0.6\] from a linear congruential generator.
     fn random(length: usize) -> Vec<f32> {
