@@ -4,8 +4,9 @@ use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
 use super::block_sums::{accept_row, check_shape};
-use super::chi_squared::{Comparison, ROWS_PER_TASK, brightness_of_blocks, test_band};
-use super::disagreement::Counts;
+use super::brightness::brightness_of_blocks;
+use super::chi_squared::{Comparison, ROWS_PER_TASK, test_band};
+use super::count::Counts;
 use crate::bits::{contiguous, packed_width};
 use crate::error::{Error, Result};
 use crate::interrupt;

@@ -1,13 +1,13 @@
-//! The brightness of a block of frames, relative to that of a template.
+//! The brightness of blocks of frames, relative to that of a template.
 
 use std::borrow::Cow;
 
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-use super::count::Count;
-use super::disagreement::Counts;
+use super::count::{Count, Counts};
 use super::sums::{check_counts, check_shapes};
+use super::template::{are_possible, check_template, check_template_shapes};
 use crate::bits::contiguous;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
@@ -17,6 +17,12 @@ const LANES: usize = 16;
 
 /// The range of the brightness.
 pub(super) const LIMITS: (f64, f64) = (0.1, 10.0);
+
+/// The number of ones, and of zeros, that are added to the counts of each pixel with trials.
+///
+/// Where the light is dim or saturated, hardly any bits differ from the others, and these few would
+/// disagree: a single zero among bright pixels is much more than the expected number of zeros.
+pub(super) const RARE: f32 = 0.02;
 
 /// The sums of a row of pixels.
 #[derive(Clone, Copy, Default)]
@@ -60,8 +66,36 @@ pub(super) fn checked_ratio<'a, C: Count>(
     Err(Error::range("counts", "possible ones", "others"))
 }
 
+/// Return the brightness of each of some blocks, the ratio of Σ N to Σ D p, after a check of all values.
+///
+/// The check reads each row while the ratio does, so all are read only once.
+pub(super) fn brightness_of_blocks<C: Count>(
+    blocks: &[&[Counts<'_, C>]],
+    probability: ArrayView2<'_, f32>,
+    trials_of_template: ArrayView2<'_, i32>,
+) -> Result<Vec<f64>> {
+    check_template_shapes(probability, trials_of_template)?;
+    let parts = || blocks.iter().flat_map(|parts| parts.iter());
+    for part in parts() {
+        check_shapes(part.ones, part.trials, probability.dim())?;
+    }
+    let row = |row| contiguous(probability.row(row));
+    let is_possible = |row| {
+        let trials = contiguous(trials_of_template.row(row));
+        are_possible(&contiguous(probability.row(row)), &trials)
+    };
+    if let Some(ratios) = ratios(blocks, row, is_possible, f64::from(RARE)) {
+        return Ok(ratios);
+    }
+    check_template(probability, trials_of_template)?;
+    for part in parts() {
+        check_counts(part.ones, part.trials, probability.dim())?;
+    }
+    Err(Error::range("counts", "possible ones", "others"))
+}
+
 /// Return what [`ratios`] returns for one block.
-pub(super) fn ratio<'a, C: Count>(
+fn ratio<'a, C: Count>(
     parts: &[Counts<'_, C>],
     row: impl Fn(usize) -> Cow<'a, [f32]> + Sync,
     is_possible: impl Fn(usize) -> bool + Sync,
@@ -75,7 +109,7 @@ pub(super) fn ratio<'a, C: Count>(
 ///
 /// Lamps flicker, and clouds pass. The ratio is 1 if the template predicts no ones. The sums of parts
 /// that several blocks have in common are computed once.
-pub(super) fn ratios<'a, C: Count>(
+fn ratios<'a, C: Count>(
     blocks: &[&[Counts<'_, C>]],
     row: impl Fn(usize) -> Cow<'a, [f32]> + Sync,
     is_possible: impl Fn(usize) -> bool + Sync,

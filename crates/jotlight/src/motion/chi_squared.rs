@@ -6,11 +6,9 @@ use rayon::prelude::*;
 use super::boxes::{
     LastRows, add_neighbors, add_three, add_variances, sums_at_borders, weights_of_variances,
 };
-use super::brightness::{add_parts, ratios};
-use super::count::Count;
-use super::disagreement::Counts;
-use super::sums::{check_counts, check_shapes};
-use super::template::{SHARE_OF_TEMPLATE, are_possible, check_template, check_template_shapes};
+use super::brightness::{RARE, add_parts, brightness_of_blocks};
+use super::count::{Count, Counts};
+use super::template::SHARE_OF_TEMPLATE;
 use crate::bits::contiguous;
 use crate::border::{mirror_index, reflect_margins};
 use crate::cpu::levels;
@@ -22,12 +20,6 @@ pub(super) const ROWS_PER_TASK: usize = 64;
 
 /// The number of pixels that χ² reads in each direction: 1 for the small, and 4 for the large box.
 const RADIUS: usize = 5;
-
-/// The number of ones, and of zeros, that are added to the counts of each pixel with trials.
-///
-/// Where the light is dim or saturated, hardly any bits differ from the others, and these few would
-/// disagree: a single zero among bright pixels is much more than the expected number of zeros.
-const RARE: f32 = 0.02;
 
 /// The smallest variance by which a squared residual is divided.
 const MIN_VARIANCE: f32 = 1e-3;
@@ -41,34 +33,6 @@ pub struct Comparison<'a, C = i32> {
     pub probability: ArrayView2<'a, f32>,
     /// D_R, the number of trials of each pixel of the template, `(H, W)`.
     pub trials_of_template: ArrayView2<'a, i32>,
-}
-
-/// Return the brightness of each of some blocks, the ratio of Σ N to Σ D p, after a check of all values.
-///
-/// The check reads each row while the ratio does, so all are read only once.
-pub(super) fn brightness_of_blocks<C: Count>(
-    blocks: &[&[Counts<'_, C>]],
-    probability: ArrayView2<'_, f32>,
-    trials_of_template: ArrayView2<'_, i32>,
-) -> Result<Vec<f64>> {
-    check_template_shapes(probability, trials_of_template)?;
-    let parts = || blocks.iter().flat_map(|parts| parts.iter());
-    for part in parts() {
-        check_shapes(part.ones, part.trials, probability.dim())?;
-    }
-    let row = |row| contiguous(probability.row(row));
-    let is_possible = |row| {
-        let trials = contiguous(trials_of_template.row(row));
-        are_possible(&contiguous(probability.row(row)), &trials)
-    };
-    if let Some(ratios) = ratios(blocks, row, is_possible, f64::from(RARE)) {
-        return Ok(ratios);
-    }
-    check_template(probability, trials_of_template)?;
-    for part in parts() {
-        check_counts(part.ones, part.trials, probability.dim())?;
-    }
-    Err(Error::range("counts", "possible ones", "others"))
 }
 
 /// Write χ² of each pixel into `out`. It is about 1 if the counts agree with the template.

@@ -1,5 +1,16 @@
 //! Counts of pixels.
 
+use ndarray::ArrayView2;
+
+/// The ones and trials of each pixel, `(H, W)`.
+#[derive(Clone, Copy, Debug)]
+pub struct Counts<'a, C = i32> {
+    /// N, the number of ones.
+    pub ones: ArrayView2<'a, C>,
+    /// D, the number of valid bits.
+    pub trials: ArrayView2<'a, C>,
+}
+
 /// The number of ones or of trials of a pixel.
 ///
 /// Bits are counted in whole numbers. Real numbers are the counts that another sensor would have on

@@ -1,6 +1,6 @@
 //! How much the counts of two parts of the frames disagree.
 
-use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{ArrayViewMut2, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
 use super::boxes::{
@@ -8,7 +8,7 @@ use super::boxes::{
     weights_of_variances,
 };
 use super::brightness::LIMITS;
-use super::count::Count;
+use super::count::{Count, Counts};
 use super::sums::{check_counts, check_shapes};
 use crate::bits::contiguous;
 use crate::border::{mirror_index, reflect_margins};
@@ -27,15 +27,6 @@ const LANES: usize = 16;
 
 /// The smallest variance by which a squared difference is divided.
 const MIN_VARIANCE: f32 = 1e-3;
-
-/// The ones and trials of each pixel, `(H, W)`.
-#[derive(Clone, Copy, Debug)]
-pub struct Counts<'a, C = i32> {
-    /// N, the number of ones.
-    pub ones: ArrayView2<'a, C>,
-    /// D, the number of valid bits.
-    pub trials: ArrayView2<'a, C>,
-}
 
 /// Write into `out` `(2, ⌈H/SQUARE⌉, ⌈W/SQUARE⌉)` how much two parts disagree, and the numbers of
 /// pixels that have trials of both: sums over squares of pixels.

@@ -6,9 +6,8 @@ use ndarray::{Array3, ArrayView1, ArrayView3, Axis};
 use rayon::prelude::*;
 
 use super::brightness::checked_ratio;
-use super::count::Count;
-use super::disagreement::Counts;
-use super::shifted_counts::BLOCK;
+use super::count::{Count, Counts};
+use super::lines::BLOCK;
 use super::sums::{Sums, check_remainders, check_shapes};
 use super::template::{SHARE_OF_TEMPLATE, Template};
 use crate::bits::contiguous;

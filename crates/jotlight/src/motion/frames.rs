@@ -6,7 +6,14 @@ use std::ops::Range;
 use super::field::Displacements;
 use super::search::Times;
 use super::source::Frame;
-use crate::bits::FRAMES_PER_GROUP;
+use crate::bits::{FRAMES_PER_GROUP, packed_width};
+use crate::error::{Error, Result};
+
+/// The maximum number of rows and columns, up to which `f32` represents positions of pixels.
+const MAX_SIZE: usize = 1 << 24;
+
+/// The maximum number of bytes of a frame. Their indices are `i32`.
+const MAX_FRAME_BYTES: usize = i32::MAX as usize;
 
 /// The bits and their motion.
 pub(super) struct Input<'a, 'b> {
@@ -113,5 +120,28 @@ impl<'a> Frames<'a> {
             frames.indices[target] = self.indices[index];
         }
         frames
+    }
+}
+
+/// Check that positions of jots and indices of bytes can be represented.
+pub(super) fn check_size(rows: usize, columns: usize) -> Result<()> {
+    if rows.max(columns) > MAX_SIZE || rows * packed_width(columns) > MAX_FRAME_BYTES {
+        let expected = format!("at most {MAX_SIZE} rows and columns, and {MAX_FRAME_BYTES} bytes");
+        let received = format!("{rows} x {columns}");
+        return Err(Error::range("frames", expected, received));
+    }
+    Ok(())
+}
+
+/// Check that times are near those of the fields.
+pub(super) fn check_times(times: &[f64], fields: usize) -> Result<()> {
+    let range = -1.0..=fields as f64;
+    match times.iter().find(|time| !range.contains(*time)) {
+        Some(time) => Err(Error::range(
+            "times of the frames",
+            format!("-1 to {fields}"),
+            time,
+        )),
+        None => Ok(()),
     }
 }

@@ -3,7 +3,7 @@
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
-use super::shifted_counts::BLOCK;
+use super::lines::BLOCK;
 use super::sums::check_remainders;
 use crate::bits::contiguous;
 use crate::border::{mirror_index, reflect_margins};

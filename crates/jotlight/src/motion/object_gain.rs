@@ -3,8 +3,7 @@
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, CowArray, Ix3};
 use rayon::prelude::*;
 
-use super::count::Count;
-use super::disagreement::Counts;
+use super::count::{Count, Counts};
 use super::lines::BLOCK;
 use super::relative::{OUTSIDE, Relative};
 use super::rounding::max;

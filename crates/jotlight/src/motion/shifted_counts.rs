@@ -5,23 +5,16 @@ use std::borrow::Cow;
 use ndarray::parallel::prelude::*;
 use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis};
 
-pub use super::lines::BLOCK;
-
 use super::field::Displacements;
-use super::frames::{Frames, Input, Piece};
+use super::frames::{Frames, Input, Piece, check_size, check_times};
+use super::lines::BLOCK;
 use super::row::RowMotion;
 use super::row_counter::RowCounters;
 use super::source::Frame;
-use crate::bits::{FRAMES_PER_GROUP, PackedBits, check_mask, packed_width, trials};
+use crate::bits::{FRAMES_PER_GROUP, PackedBits, check_mask, trials};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
-
-/// The maximum number of rows and columns, up to which `f32` represents positions of pixels.
-const MAX_SIZE: usize = 1 << 24;
-
-/// The maximum number of bytes of a frame. Their indices are `i32`.
-const MAX_FRAME_BYTES: usize = i32::MAX as usize;
 
 /// The number of rows that one task counts. Its counters fit in the cache.
 const ROWS_PER_TASK: usize = 16;
@@ -147,29 +140,6 @@ fn check(
         return Err(Error::shape("remainders", blocks, sums.remainders.dim()));
     }
     Ok(())
-}
-
-/// Check that positions of jots and indices of bytes can be represented.
-pub(super) fn check_size(rows: usize, columns: usize) -> Result<()> {
-    if rows.max(columns) > MAX_SIZE || rows * packed_width(columns) > MAX_FRAME_BYTES {
-        let expected = format!("at most {MAX_SIZE} rows and columns, and {MAX_FRAME_BYTES} bytes");
-        let received = format!("{rows} x {columns}");
-        return Err(Error::range("frames", expected, received));
-    }
-    Ok(())
-}
-
-/// Check that times are near those of the fields.
-pub(super) fn check_times(times: &[f64], fields: usize) -> Result<()> {
-    let range = -1.0..=fields as f64;
-    match times.iter().find(|time| !range.contains(*time)) {
-        Some(time) => Err(Error::range(
-            "times of the frames",
-            format!("-1 to {fields}"),
-            time,
-        )),
-        None => Ok(()),
-    }
 }
 
 fn contiguous_mask(mask: ArrayView2<'_, u8>) -> Cow<'_, [u8]> {

@@ -6,10 +6,9 @@ use ndarray::parallel::prelude::*;
 use ndarray::{ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
 
 use super::field::Displacements;
-use super::frames::Piece;
+use super::frames::{Piece, check_size, check_times};
 use super::lines::BLOCK;
 use super::row::RowMotion;
-use super::shifted_counts::{check_size, check_times};
 use super::source::Frame;
 use crate::bits::contiguous;
 use crate::cpu::levels;

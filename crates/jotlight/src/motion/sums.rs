@@ -3,7 +3,7 @@
 use ndarray::{ArrayView2, ArrayView3};
 
 use super::count::Count;
-use super::shifted_counts::BLOCK;
+use super::lines::BLOCK;
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
 
