@@ -6,6 +6,9 @@
 
 use crate::border::mirror_index;
 
+/// The smallest variance by which a squared sum is divided.
+const MIN_VARIANCE: f32 = 1e-3;
+
 /// Return how often each of three neighbors from `first` on, which may lie outside, is among them.
 pub(super) fn weights_of_variances(first: isize, length: usize) -> [f32; 3] {
     let places = [0, 1, 2].map(|k| mirror_index(first + k, length));
@@ -39,6 +42,13 @@ pub(super) fn add_neighbors(source: &[f32], step: usize, out: &mut [f32]) {
     for i in 0..length {
         out[i] = parts[0][i] + parts[1][i] + parts[2][i];
     }
+}
+
+/// Return the ratio of the square of a sum to its variance.
+#[inline(always)]
+pub(super) fn squared_ratio(sum: f32, variance: f32) -> f32 {
+    let is_large = variance > MIN_VARIANCE;
+    sum * sum / if is_large { variance } else { MIN_VARIANCE }
 }
 
 /// Write the sum of three rows into `out`.

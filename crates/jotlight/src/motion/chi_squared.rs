@@ -4,7 +4,8 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
 use super::boxes::{
-    LastRows, add_neighbors, add_three, add_variances, sums_at_borders, weights_of_variances,
+    LastRows, add_neighbors, add_three, add_variances, squared_ratio, sums_at_borders,
+    weights_of_variances,
 };
 use super::brightness::{RARE, add_parts, brightness_of_blocks};
 use super::count::{Count, Counts};
@@ -20,9 +21,6 @@ pub(super) const ROWS_PER_TASK: usize = 64;
 
 /// The number of pixels that χ² reads in each direction: 1 for the small, and 4 for the large box.
 const RADIUS: usize = 5;
-
-/// The smallest variance by which a squared residual is divided.
-const MIN_VARIANCE: f32 = 1e-3;
 
 /// Counts of a block of frames, and the template to which they are compared.
 #[derive(Clone, Copy, Debug)]
@@ -165,9 +163,7 @@ fn divide(
         let residual = residuals[0][i] + (residuals[1][i] + residuals[2][i]);
         let variance = weights[0] * variances[0][i]
             + (weights[1] * variances[1][i] + weights[2] * variances[2][i]);
-        let large = variance > MIN_VARIANCE;
-        let variance = if large { variance } else { MIN_VARIANCE };
-        ratios[i] = residual * residual / variance * known[i];
+        ratios[i] = squared_ratio(residual, variance) * known[i];
     }
 }
 

@@ -4,8 +4,8 @@ use ndarray::{ArrayViewMut2, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
 use super::boxes::{
-    LastRows, add_neighbors, add_three, add_variances, add_weighted, sums_at_borders,
-    weights_of_variances,
+    LastRows, add_neighbors, add_three, add_variances, add_weighted, squared_ratio,
+    sums_at_borders, weights_of_variances,
 };
 use super::brightness::LIMITS;
 use super::count::{Count, Counts};
@@ -24,9 +24,6 @@ const SQUARES_PER_TASK: usize = 8;
 
 /// The number of sums of a row that are computed together.
 const LANES: usize = 16;
-
-/// The smallest variance by which a squared difference is divided.
-const MIN_VARIANCE: f32 = 1e-3;
 
 /// Write into `out` `(2, ⌈H/SQUARE⌉, ⌈W/SQUARE⌉)` how much two parts disagree, and the numbers of
 /// pixels that have trials of both: sums over squares of pixels.
@@ -247,9 +244,7 @@ fn divide(sums: [&[f32]; TERMS], known: &[f32], brightness: f32, ratios: &mut [f
         let share = ones / number;
         let p = if share < max_p { share } else { max_p };
         let variance = p * (linear[i] - p * quadratic[i]);
-        let large = variance > MIN_VARIANCE;
-        let variance = if large { variance } else { MIN_VARIANCE };
-        ratios[i] = differences[i] * differences[i] / variance * known[i];
+        ratios[i] = squared_ratio(differences[i], variance) * known[i];
     }
 }
 
