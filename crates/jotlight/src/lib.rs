@@ -66,6 +66,7 @@ pub mod bits;
 mod border;
 pub mod cpu;
 pub mod diffusion;
+mod elementary;
 pub mod error;
 pub mod filter;
 mod interrupt;

@@ -8,8 +8,9 @@
 //! dark counts d turn it into the rate η s + d.
 
 mod chunk;
-pub(crate) mod one_photon;
+mod one_photon;
 mod proximal;
+mod proximal_problem;
 mod threshold;
 
 use std::ops::Range;

@@ -9,9 +9,9 @@ mod table;
 use rayon::prelude::*;
 
 use crate::cpu::levels;
+use crate::elementary::{ELEMENTS_PER_GROUP, minus_ln_1m};
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::likelihood::one_photon::{ELEMENTS_PER_GROUP, inverse_detection_probability};
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::{Values, check_not_negative, check_positive};
 
@@ -206,7 +206,8 @@ fn one_photon_intensities_inlined(
         for (rate, value) in rates.iter_mut().zip(values) {
             *rate = f64::from(value);
         }
-        rates = inverse_detection_probability(&rates);
+        // P⁻¹(1, p) = −log(1 − p).
+        rates = minus_ln_1m(&rates);
         for (value, rate) in values.iter_mut().zip(rates) {
             *value = response.intensity_from_rate(rate, jot) as f32;
         }

@@ -109,6 +109,12 @@ impl<F: Real> Layer<F> {
         self.filters.view()
     }
 
+    /// Return whether this first layer is tied: each filter has one tap for all jots of a pixel.
+    pub(super) fn is_tied(&self) -> bool {
+        let (_, frames, height, width) = self.filters.dim();
+        (frames, height, width) == (1, 1, 1)
+    }
+
     /// Return the number of output planes.
     #[must_use]
     pub fn channels(&self) -> usize {

@@ -7,9 +7,9 @@ use super::exposure::convert;
 use super::{Image, PerJot, Sensor};
 use crate::bits::{contiguous, trials};
 use crate::cpu::{self, Simd, WithSimd, levels};
+use crate::elementary::{ELEMENTS_PER_GROUP, Group, exp_m1};
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::likelihood::one_photon::{ELEMENTS_PER_GROUP, Group, exp_m1};
 use crate::rng::{JotRandom, RowStream, UNIFORMS, check_size};
 
 /// The maximum threshold. The sum for P(b = 0) has as many terms, so bits are faster beyond it.

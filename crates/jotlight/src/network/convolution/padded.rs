@@ -6,7 +6,6 @@ use ndarray::{Array3, ArrayView3};
 
 use super::direct::SPARE_ROWS;
 use super::filter_taps::{FilterTaps, TapOrder};
-use super::tap_gradient::SPARE_COLUMNS;
 use super::{PlanesView, leading_rows};
 use crate::border::mirror_index;
 use crate::cpu::levels;
@@ -14,6 +13,9 @@ use crate::interrupt;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
 use crate::numbers::{MAX_LANES, Real};
+
+/// The maximum number of columns beyond the last one that a tile of shifts of the tap gradient reads.
+const SPARE_COLUMNS: usize = 4;
 
 /// A stack of planes with a mirrored border. The inner loops may read beyond the end of a row.
 #[derive(Default)]

@@ -8,9 +8,6 @@ use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
 use crate::numbers::{MAX_LANES, Real};
 
-/// The maximum number of columns beyond the last one that a tile of shifts reads.
-pub(super) const SPARE_COLUMNS: usize = 4;
-
 /// The number of rows whose sum is computed in the type of the planes. Sums over more rows use
 /// `f64`.
 const BAND_ROWS: usize = 64;

@@ -6,7 +6,6 @@ use std::ops::Range;
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
-use super::patch::is_tied;
 use crate::error::{Error, Result};
 use crate::network::graph::check_sequential;
 use crate::network::layer::Layer;
@@ -175,7 +174,7 @@ impl Batch<'_> {
         let side = self.sensor.kernel.oversampling();
         let (_, frames, height, width) = layers[0].filters.dim();
         let (block, taps) = ((self.frames, side, side), (frames, height, width));
-        if !is_tied(&layers[0]) && taps != block {
+        if !layers[0].is_tied() && taps != block {
             return Err(Error::shape("filters of the first layer", block, taps));
         }
         let Sensor {

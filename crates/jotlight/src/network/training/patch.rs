@@ -92,14 +92,14 @@ impl Batch<'_> {
         let (height, width) = image.dim();
         let side = self.sensor.kernel.oversampling();
         let packed;
-        let data = if is_tied(&layers[0]) && can_draw_counts(&self.sensor) {
+        let data = if layers[0].is_tied() && can_draw_counts(&self.sensor) {
             // The layer sees only the counts, so their bits need not be drawn.
             let max = trials(self.frames, side)? as usize;
             FirstLayerData::Counts(self.draw_patch(index, image)?, max)
         } else {
             packed = self.expose_patch(index, image)?;
             let bits = PackedBits::new(packed.view(), width * side)?;
-            FirstLayerData::new(bits, side, is_tied(&layers[0]))?
+            FirstLayerData::new(bits, side, layers[0].is_tied())?
         };
         let forward_pass = ForwardPass::new(layers, &data)?;
 
@@ -179,10 +179,4 @@ impl Batch<'_> {
             inside(&patch.columns, image.ncols()),
         )
     }
-}
-
-/// Return whether a first layer is tied: each filter has one tap for all jots of a pixel.
-pub(super) fn is_tied<F: Real>(layer: &Layer<F>) -> bool {
-    let (_, frames, height, width) = layer.filters.dim();
-    (frames, height, width) == (1, 1, 1)
 }
