@@ -6,6 +6,7 @@
 mod bounds;
 mod conditioning;
 mod denoise;
+mod equivalent;
 mod evaluate;
 #[cfg(feature = "safetensors")]
 mod file;
