@@ -81,3 +81,15 @@ impl Error {
 
 /// The result of a call to the engine.
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// Check the shape or the length of an array.
+pub(crate) fn check_shape<Shape: PartialEq + std::fmt::Debug>(
+    what: &'static str,
+    expected: Shape,
+    received: Shape,
+) -> Result<()> {
+    if received == expected {
+        return Ok(());
+    }
+    Err(Error::shape(what, expected, received))
+}

@@ -200,9 +200,30 @@ pub fn inner_product(a: &[f64], b: &[f64]) -> f64 {
     sums.sum()
 }
 
+/// Return the median of numbers, or None if there are none. Their order changes.
+pub(crate) fn median<F: Real>(numbers: &mut [F]) -> Option<F> {
+    let order = |a: &F, b: &F| a.as_f64().total_cmp(&b.as_f64());
+    let (length, middle) = (numbers.len(), numbers.len() / 2);
+    if length == 0 {
+        return None;
+    }
+    let (low, &mut upper, _) = numbers.select_nth_unstable_by(middle, order);
+    let lower = low.iter().copied().max_by(order);
+    let lower = lower.filter(|_| length.is_multiple_of(2)).unwrap_or(upper);
+    Some(F::from_f64(f64::midpoint(lower.as_f64(), upper.as_f64())))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::inner_product;
+    use super::{inner_product, median};
+
+    #[test]
+    fn a_median_of_an_even_number_lies_between_the_middle_ones() {
+        assert_eq!(median::<f32>(&mut []), None);
+        assert_eq!(median(&mut [3.0_f32]), Some(3.0));
+        assert_eq!(median(&mut [9.0, -1.0, 2.0]), Some(2.0));
+        assert_eq!(median(&mut [9.0, 4.0, 1.0, 2.0]), Some(3.0));
+    }
 
     #[test]
     fn an_inner_product_is_the_sum_of_all_products() {

@@ -3,6 +3,7 @@
 //! Each jot has a counter. A bit plane stores the same binary digit of all counters, so one
 //! operation on a word updates 64 counters.
 
+use super::first_word;
 use crate::cpu::levels;
 
 /// The number of frames that are added together.
@@ -207,14 +208,4 @@ fn spread(byte: u8) -> u64 {
     // The product has copies of the byte at bits 0, 9, ..., 63, which do not overlap. So bit 7 + 8k
     // of the product is bit 7 - k of the byte.
     u64::from(byte).wrapping_mul(0x8040_2010_0804_0201) >> 7 & 0x0101_0101_0101_0101
-}
-
-/// Return the first eight bytes, with zeros past the end.
-#[inline(always)]
-fn first_word(bytes: &[u8]) -> Word {
-    bytes.first_chunk().copied().unwrap_or_else(|| {
-        let mut word = [0; 8];
-        word[..bytes.len()].copy_from_slice(bytes);
-        word
-    })
 }

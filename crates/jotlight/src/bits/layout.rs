@@ -3,7 +3,7 @@
 use ndarray::{ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
-use super::{PackedBits, packed_width};
+use super::{PackedBits, first_word, packed_width};
 use crate::cpu::{self, Simd, WithSimd, levels};
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -184,7 +184,8 @@ fn transpose_frame(bytes: &[u8], row_bytes: usize, mut transposed: ArrayViewMut2
             let mut words = [[0; LANES]; SIDE];
             for (lane, rows) in rows.chunks(SIDE * row_bytes).enumerate() {
                 for (word, row) in words.iter_mut().zip(rows.chunks_exact(row_bytes)) {
-                    word[lane] = first_word(&row[band * SIDE_BYTES..]);
+                    // The first bit becomes the most significant.
+                    word[lane] = u64::from_be_bytes(first_word(&row[band * SIDE_BYTES..]));
                 }
             }
             transpose_squares(&mut words);
@@ -200,16 +201,6 @@ fn transpose_frame(bytes: &[u8], row_bytes: usize, mut transposed: ArrayViewMut2
             }
         }
     }
-}
-
-/// Return the first eight bytes, with zeros past the end. The first bit is the most significant.
-#[inline(always)]
-fn first_word(bytes: &[u8]) -> u64 {
-    u64::from_be_bytes(bytes.first_chunk().copied().unwrap_or_else(|| {
-        let mut word = [0; SIDE_BYTES];
-        word[..bytes.len()].copy_from_slice(bytes);
-        word
-    }))
 }
 
 /// Transpose squares of bits. Each word is a row of one square.

@@ -148,5 +148,15 @@ pub(crate) fn bit_field(bytes: &[u8], start: usize, length: usize) -> u64 {
     }
 }
 
+/// Return the first eight bytes, with zeros past the end.
+#[inline(always)]
+fn first_word(bytes: &[u8]) -> [u8; 8] {
+    bytes.first_chunk().copied().unwrap_or_else(|| {
+        let mut word = [0; 8];
+        word[..bytes.len()].copy_from_slice(bytes);
+        word
+    })
+}
+
 /// The maximum `length` in [`bit_field`]: eight bytes hold that many bits after any `start`.
 pub(crate) const MAX_FIELD_BITS: usize = 57;

@@ -18,7 +18,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::cpu::levels;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
 use crate::interrupt;
 use crate::values::Values;
 use chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
@@ -99,7 +99,7 @@ impl<'a> Readings<'a> {
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match.
     pub fn value(&self, light: &[f64]) -> Result<f64> {
-        self.check_length(light.len())?;
+        check_shape("light", self.len(), light.len())?;
         let sums: Vec<f64> = light
             .par_chunks(ELEMENTS_PER_CHUNK)
             .enumerate()
@@ -127,9 +127,9 @@ impl<'a> Readings<'a> {
         gradient: &mut [f64],
         curvature: &mut [f64],
     ) -> Result<()> {
-        self.check_length(light.len())?;
-        self.check_length(gradient.len())?;
-        self.check_length(curvature.len())?;
+        check_shape("light", self.len(), light.len())?;
+        check_shape("light", self.len(), gradient.len())?;
+        check_shape("light", self.len(), curvature.len())?;
         gradient
             .par_chunks_mut(ELEMENTS_PER_CHUNK)
             .zip(curvature.par_chunks_mut(ELEMENTS_PER_CHUNK))
@@ -162,8 +162,8 @@ impl<'a> Readings<'a> {
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match.
     pub fn information(&self, light: &[f64], information: &mut [f64]) -> Result<()> {
-        self.check_length(light.len())?;
-        self.check_length(information.len())?;
+        check_shape("light", self.len(), light.len())?;
+        check_shape("light", self.len(), information.len())?;
         information
             .par_chunks_mut(ELEMENTS_PER_CHUNK)
             .zip(light.par_chunks(ELEMENTS_PER_CHUNK))
@@ -247,14 +247,6 @@ impl<'a> Readings<'a> {
             element.efficiency * gradient,
             element.efficiency * element.efficiency * curvature,
         )
-    }
-
-    fn check_length(&self, length: usize) -> Result<()> {
-        if length == self.len() {
-            Ok(())
-        } else {
-            Err(Error::shape("light", self.len(), length))
-        }
     }
 }
 

@@ -10,7 +10,7 @@ use super::chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 use super::proximal_problem::{MAX_ITERATIONS, ProximalProblem};
 use super::{Readings, one_photon};
 use crate::admm::AdmmStep;
-use crate::error::Result;
+use crate::error::{Result, check_shape};
 use crate::interrupt;
 use crate::values::check_positive;
 
@@ -36,8 +36,8 @@ impl Readings<'_> {
         guess: &[f64],
         point: &mut [f64],
     ) -> Result<()> {
-        self.check_length(point.len())?;
-        self.check_length(guess.len())?;
+        check_shape("light", self.len(), point.len())?;
+        check_shape("light", self.len(), guess.len())?;
         check_positive("penalty", penalty)?;
         let problem = ProximalProblem::new(penalty, max_light, PROXIMAL_TOLERANCE)?;
         point
@@ -68,9 +68,9 @@ impl Readings<'_> {
         x: &mut [f64],
         dual: &mut [f64],
     ) -> Result<f64> {
-        self.check_length(light.len())?;
-        self.check_length(x.len())?;
-        self.check_length(dual.len())?;
+        check_shape("light", self.len(), light.len())?;
+        check_shape("light", self.len(), x.len())?;
+        check_shape("light", self.len(), dual.len())?;
         step.check()?;
         let problem = ProximalProblem::new(step.penalty, max_light, ADMM_TOLERANCE)?;
         let squared_residuals: Vec<f64> = x

@@ -3,12 +3,12 @@
 use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
-use super::block_sums::{accept_row, check_shape};
+use super::block_sums::accept_row;
 use super::brightness::brightness_of_blocks;
 use super::chi_squared::{Comparison, ROWS_PER_TASK, test_band};
 use super::count::Counts;
 use crate::bits::{contiguous, packed_width};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
 use crate::interrupt;
 
 /// Which counts agree with a template.

@@ -4,6 +4,7 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 
 use super::equations::EquationsView;
 use crate::error::{Error, Result};
+use crate::numbers::median;
 use crate::values::check_not_negative;
 
 /// The number of functions of the place of a tile: 1, its row, and its column.
@@ -109,7 +110,8 @@ pub fn fit_affine(
 fn robust_weights(squared: &[f64], weights: &[f64]) -> Vec<f64> {
     let pairs = || squared.iter().zip(weights);
     let inside = pairs().filter(|(_, weight)| **weight > 0.0);
-    let middle = median(inside.map(|(squared, _)| *squared).collect());
+    let mut inside: Vec<f64> = inside.map(|(squared, _)| *squared).collect();
+    let middle = median(&mut inside).unwrap_or_default();
     let scale = MIN_SCALE.max(2.0 * middle);
     pairs()
         .map(|(squared, weight)| weight / (1.0 + squared / scale).powi(2))
@@ -182,7 +184,8 @@ pub(super) fn nearest_affine(
             .zip(&*out)
             .map(|(field, affine)| (field[0] - affine[0]).powi(2) + (field[1] - affine[1]).powi(2))
             .collect();
-        let scale = median(squared.clone()).max(MIN_SQUARED_PIXELS);
+        let middle = median(&mut squared.clone()).unwrap_or_default();
+        let scale = middle.max(MIN_SQUARED_PIXELS);
         for ((weight, trust), squared) in weights.iter_mut().zip(trust).zip(&squared) {
             *weight = trust / (1.0 + squared / scale).powi(2);
         }
@@ -261,19 +264,4 @@ fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> [f64
         }
     }
     solution
-}
-
-/// Return the median of numbers, or 0 if there are none.
-fn median(mut numbers: Vec<f64>) -> f64 {
-    if numbers.is_empty() {
-        return 0.0;
-    }
-    let (middle, is_even) = (numbers.len() / 2, numbers.len().is_multiple_of(2));
-    let (low, &mut upper, _) = numbers.select_nth_unstable_by(middle, f64::total_cmp);
-    if is_even {
-        let lower = low.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        f64::midpoint(lower, upper)
-    } else {
-        upper
-    }
 }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::bits::{contiguous, packed_width};
 use crate::cpu::levels;
-use crate::error::{Error, Result};
+use crate::error::{Result, check_shape};
 
 /// The number of rows that one task adds.
 const ROWS_PER_TASK: usize = 32;
@@ -79,18 +79,6 @@ pub fn add_accepted(test: ArrayView2<'_, f32>, limit: f32, block: Accepted<'_>) 
                 .for_each(|(byte, &value)| *byte = value);
         });
     Ok(())
-}
-
-pub(super) fn check_shape(
-    what: &'static str,
-    expected: (usize, usize),
-    got: (usize, usize),
-) -> Result<()> {
-    if got == expected {
-        Ok(())
-    } else {
-        Err(Error::shape(what, expected, got))
-    }
 }
 
 levels! {

@@ -8,7 +8,7 @@ use super::lines::BLOCK;
 use super::relative::{OUTSIDE, Relative};
 use super::rounding::max;
 use super::sums::check_counts;
-use crate::error::{Error, Result};
+use crate::error::{Result, check_shape};
 use crate::interrupt;
 
 /// The number of values that describe what a template predicts: log p/(1 − p) and log (1 − p) with
@@ -61,12 +61,12 @@ pub fn add_object_gain<C: Count>(
     let size = labels.dim();
     check_counts(object.counts.ones, object.counts.trials, size)?;
     let shape = (size.0, size.1, PREDICTIONS);
-    check("predictions", shape, object.predicted.dim())?;
+    check_shape("predictions", shape, object.predicted.dim())?;
     for other in others {
-        check("predictions", shape, other.predicted.dim())?;
-        check("field", size, other.relative.size())?;
+        check_shape("predictions", shape, other.predicted.dim())?;
+        check_shape("field", size, other.relative.size())?;
     }
-    check("output", (GAINS, size.0, size.1), out.dim())?;
+    check_shape("output", (GAINS, size.0, size.1), out.dim())?;
     if labels.is_empty() {
         return Ok(());
     }
@@ -111,9 +111,9 @@ pub fn mark_covered(
     mut out: ArrayViewMut2<'_, bool>,
 ) -> Result<()> {
     let size = labels.dim();
-    check("output", size, out.dim())?;
+    check_shape("output", size, out.dim())?;
     for (_, relative) in fronts {
-        check("field", size, relative.size())?;
+        check_shape("field", size, relative.size())?;
     }
     if labels.is_empty() {
         return Ok(());
@@ -136,14 +136,6 @@ pub fn mark_covered(
             }
         });
     Ok(())
-}
-
-/// Check the shape of an array.
-fn check<T: PartialEq + std::fmt::Debug>(what: &'static str, expected: T, found: T) -> Result<()> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(Error::shape(what, expected, found))
 }
 
 /// Another segment of the scene.
@@ -240,6 +232,7 @@ mod tests {
     use ndarray::{Array2, Array3, arr2};
 
     use super::*;
+    use crate::error::Error;
 
     const TILE: usize = 16;
 

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{RateTable, Response, ScoreTable};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
 use crate::interrupt;
 use crate::values::Values;
 
@@ -94,7 +94,7 @@ impl<'a> Cells<'a> {
     /// # Errors
     /// [`Error::Shape`] if the lengths do not match.
     pub fn value(&self, light: &[f64]) -> Result<f64> {
-        self.check_length(light.len())?;
+        check_shape("light", self.number, light.len())?;
         let sums: Vec<f64> = light
             .par_chunks(CELLS_PER_TASK)
             .enumerate()
@@ -129,7 +129,7 @@ impl<'a> Cells<'a> {
         curvature: &mut [f64],
     ) -> Result<()> {
         for length in [light.len(), gradient.len(), curvature.len()] {
-            self.check_length(length)?;
+            check_shape("light", self.number, length)?;
         }
         let scores = ScoreTable::new(self.response);
         gradient
@@ -206,13 +206,5 @@ impl<'a> Cells<'a> {
 
     fn rate(&self, cell: usize, light: f64) -> f64 {
         self.efficiency.get(cell) * light + self.dark_counts.get(cell)
-    }
-
-    fn check_length(&self, length: usize) -> Result<()> {
-        if length == self.number {
-            Ok(())
-        } else {
-            Err(Error::shape("light", self.number, length))
-        }
     }
 }

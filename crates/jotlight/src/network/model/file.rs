@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
 use crate::mle::{JotResponse, PixelResponse};
 use crate::network::layer::Wiring;
+use crate::numbers::median;
 
 const FORMAT: &str = "jotlight network";
 const VERSION: &str = "3";
@@ -183,11 +184,9 @@ impl File<'_> {
             // All jots are dead, or none is.
             _ => map.iter().copied().collect(),
         };
-        live.sort_by(f32::total_cmp);
-        let middle = live.get(live.len() / 2);
-        let &upper = middle.ok_or_else(|| self.error(format!("sensor.{name}: expected jots")))?;
-        let lower = live[(live.len() - 1) / 2];
-        Ok(f32::midpoint(lower, upper).into())
+        let middle = median(&mut live);
+        let middle = middle.ok_or_else(|| self.error(format!("sensor.{name}: expected jots")))?;
+        Ok(middle.into())
     }
 
     /// Return an array of `f32`, whose numbers may be stored in 16 bits.
