@@ -67,6 +67,7 @@ mod border;
 pub mod cpu;
 pub mod diffusion;
 mod elementary;
+mod elements;
 pub mod error;
 pub mod filter;
 mod interrupt;

@@ -15,11 +15,9 @@ mod threshold;
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::cpu::levels;
+use crate::elements;
 use crate::error::{Error, Result, check_shape};
-use crate::interrupt;
 use crate::values::Values;
 use chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 
@@ -100,21 +98,9 @@ impl<'a> Readings<'a> {
     /// [`Error::Shape`] if the lengths of the arrays do not match.
     pub fn value(&self, light: &[f64]) -> Result<f64> {
         check_shape("light", self.len(), light.len())?;
-        let sums: Vec<f64> = light
-            .par_chunks(ELEMENTS_PER_CHUNK)
-            .enumerate()
-            .map(|(number, light)| {
-                if interrupt::is_requested() {
-                    return 0.0;
-                }
-                light
-                    .iter()
-                    .zip(number * ELEMENTS_PER_CHUNK..)
-                    .map(|(&light, index)| self.log_likelihood(&self.element(index), light))
-                    .sum()
-            })
-            .collect();
-        Ok(sums.iter().sum())
+        Ok(elements::sum(light.len(), ELEMENTS_PER_CHUNK, |index| {
+            self.log_likelihood(&self.element(index), light[index])
+        }))
     }
 
     /// Write ∂ℓ/∂s of each element into `gradient`, and −∂²ℓ/∂s² ≥ 0 into `curvature`.
@@ -130,29 +116,25 @@ impl<'a> Readings<'a> {
         check_shape("light", self.len(), light.len())?;
         check_shape("light", self.len(), gradient.len())?;
         check_shape("light", self.len(), curvature.len())?;
-        gradient
-            .par_chunks_mut(ELEMENTS_PER_CHUNK)
-            .zip(curvature.par_chunks_mut(ELEMENTS_PER_CHUNK))
-            .zip(light.par_chunks(ELEMENTS_PER_CHUNK))
-            .enumerate()
-            .for_each_init(
-                Chunk::default,
-                |chunk, (number, ((gradient, curvature), light))| {
-                    if interrupt::is_requested() {
-                        return;
-                    }
-                    chunk.fill(self, number);
-                    if self.threshold.photons() == 1 {
-                        return one_photon::gradient_and_curvature(
-                            chunk, light, gradient, curvature,
-                        );
-                    }
-                    for (index, &light) in light.iter().enumerate() {
-                        (gradient[index], curvature[index]) =
-                            self.element_derivatives(&chunk.element(index), light);
-                    }
-                },
-            );
+        let write = |chunk: &mut Chunk, first, gradient: &mut [f64], curvature: &mut [f64]| {
+            chunk.fill(self, first / ELEMENTS_PER_CHUNK);
+            let light = &light[first..];
+            if self.threshold.photons() == 1 {
+                let light = &light[..gradient.len()];
+                return one_photon::gradient_and_curvature(chunk, light, gradient, curvature);
+            }
+            let outputs = gradient.iter_mut().zip(curvature).zip(light);
+            for (index, ((gradient, curvature), &light)) in outputs.enumerate() {
+                (*gradient, *curvature) = self.element_derivatives(&chunk.element(index), light);
+            }
+        };
+        elements::write_pairs(
+            gradient,
+            curvature,
+            ELEMENTS_PER_CHUNK,
+            Chunk::default,
+            write,
+        );
         Ok(())
     }
 
@@ -164,20 +146,9 @@ impl<'a> Readings<'a> {
     pub fn information(&self, light: &[f64], information: &mut [f64]) -> Result<()> {
         check_shape("light", self.len(), light.len())?;
         check_shape("light", self.len(), information.len())?;
-        information
-            .par_chunks_mut(ELEMENTS_PER_CHUNK)
-            .zip(light.par_chunks(ELEMENTS_PER_CHUNK))
-            .enumerate()
-            .for_each(|(number, (information, light))| {
-                if interrupt::is_requested() {
-                    return;
-                }
-                let indices = number * ELEMENTS_PER_CHUNK..;
-                for ((information, &light), index) in information.iter_mut().zip(light).zip(indices)
-                {
-                    *information = self.element_information(index, light);
-                }
-            });
+        elements::write(information, ELEMENTS_PER_CHUNK, |index| {
+            self.element_information(index, light[index])
+        });
         Ok(())
     }
 

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use crate::cpu::levels;
 use crate::elementary::{ELEMENTS_PER_GROUP, minus_ln_1m};
 use crate::error::{Error, Result};
-use crate::interrupt;
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::{Values, check_not_negative, check_positive};
+use crate::{elements, interrupt};
 
 use table::look_up_all;
 
@@ -22,9 +22,6 @@ pub use table::look_up_counts;
 
 /// The number of pixels that a thread computes together.
 const PIXELS_PER_CHUNK: usize = 1 << 10;
-
-/// The number of pixels after which a thread asks whether the call is interrupted.
-const PIXELS_PER_QUESTION: usize = 1 << 6;
 
 /// The relation between the intensity c of a pixel and the rate η s + d of its jots, where
 /// s = α c / K.
@@ -135,7 +132,7 @@ pub fn from_counts(
         };
         // A table saves time, because there are fewer possible counts than pixels.
         let mut table = vec![0.0; trials as usize + 1];
-        for_each_pixel(&mut table, |ones| {
+        elements::write(&mut table, PIXELS_PER_CHUNK, |ones| {
             response.intensity_from_count(ones as i32, trials, jot)
         });
         let largest = look_up_all(&table, counts, out);
@@ -145,7 +142,7 @@ pub fn from_counts(
         return check_counts(counts, Values::Same(trials));
     }
     check_counts(counts, trials)?;
-    for_each_pixel(out, |index| {
+    elements::write(out, PIXELS_PER_CHUNK, |index| {
         response.intensity_from_count(counts[index], trials.get(index), jots.get(index))
     });
     Ok(())
@@ -169,7 +166,7 @@ pub fn from_probability(
     response.check()?;
     jot.check()?;
     if response.threshold.photons() > 1 {
-        for_each_pixel(out, |index| {
+        elements::write(out, PIXELS_PER_CHUNK, |index| {
             response.intensity(f64::from(probability[index]), jot) as f32
         });
         return Ok(());
@@ -240,7 +237,7 @@ pub fn equivalent_counts(
     check_lengths(counts, trials, jots, out)?;
     check_counts(counts, trials)?;
     let threshold = response.threshold;
-    for_each_pixel(out, |index| {
+    elements::write(out, PIXELS_PER_CHUNK, |index| {
         let (trials, jot) = (trials.get(index), jots.get(index));
         let fraction = f64::from(counts[index]) / trials;
         if trials == 0.0 {
@@ -255,19 +252,6 @@ pub fn equivalent_counts(
         }
     });
     Ok(())
-}
-
-/// Write the value of each pixel into `out`.
-fn for_each_pixel(out: &mut [f32], value: impl Fn(usize) -> f32 + Sync) {
-    let chunks = out.par_chunks_mut(PIXELS_PER_CHUNK).enumerate();
-    chunks.for_each(|(number, out)| {
-        for (index, out) in (number * PIXELS_PER_CHUNK..).zip(out) {
-            if index % PIXELS_PER_QUESTION == 0 && interrupt::is_requested() {
-                return;
-            }
-            *out = value(index);
-        }
-    });
 }
 
 fn check_lengths(

@@ -1,10 +1,8 @@
 //! The log-likelihood of readings of several bits, its derivatives, and the Fisher information.
 
-use rayon::prelude::*;
-
 use super::{RateTable, Response, ScoreTable};
+use crate::elements;
 use crate::error::{Error, Result, check_shape};
-use crate::interrupt;
 use crate::values::Values;
 
 /// The number of cells per task. Each task has its own sum, so that results are the same for any
@@ -95,27 +93,14 @@ impl<'a> Cells<'a> {
     /// [`Error::Shape`] if the lengths do not match.
     pub fn value(&self, light: &[f64]) -> Result<f64> {
         check_shape("light", self.number, light.len())?;
-        let sums: Vec<f64> = light
-            .par_chunks(CELLS_PER_TASK)
-            .enumerate()
-            .map(|(task, light)| {
-                if interrupt::is_requested() {
-                    return 0.0;
-                }
-                let cells = light.iter().zip(task * CELLS_PER_TASK..);
-                cells
-                    .map(|(&light, cell)| {
-                        let rate = self.rate(cell, light);
-                        let mut sum = 0.0;
-                        self.for_each(cell, |reading, number| {
-                            sum += number * self.response.ln_probability(reading, rate);
-                        });
-                        sum
-                    })
-                    .sum()
-            })
-            .collect();
-        Ok(sums.iter().sum())
+        Ok(elements::sum(self.number, CELLS_PER_TASK, |cell| {
+            let rate = self.rate(cell, light[cell]);
+            let mut sum = 0.0;
+            self.for_each(cell, |reading, number| {
+                sum += number * self.response.ln_probability(reading, rate);
+            });
+            sum
+        }))
     }
 
     /// Write the derivative of each cell about its light, and minus the second one.
@@ -132,20 +117,12 @@ impl<'a> Cells<'a> {
             check_shape("light", self.number, length)?;
         }
         let scores = ScoreTable::new(self.response);
-        gradient
-            .par_chunks_mut(CELLS_PER_TASK)
-            .zip(curvature.par_chunks_mut(CELLS_PER_TASK))
-            .zip(light.par_chunks(CELLS_PER_TASK))
-            .enumerate()
-            .for_each(|(task, ((gradient, curvature), light))| {
-                if interrupt::is_requested() {
-                    return;
-                }
-                let cells = light.iter().zip(task * CELLS_PER_TASK..);
-                for ((&light, cell), out) in cells.zip(gradient.iter_mut().zip(curvature)) {
-                    (*out.0, *out.1) = self.derivatives(cell, light, &scores);
-                }
-            });
+        let write = |(): &mut (), first, gradient: &mut [f64], curvature: &mut [f64]| {
+            for (cell, out) in (first..).zip(gradient.iter_mut().zip(curvature)) {
+                (*out.0, *out.1) = self.derivatives(cell, light[cell], &scores);
+            }
+        };
+        elements::write_pairs(gradient, curvature, CELLS_PER_TASK, || (), write);
         Ok(())
     }
 
