@@ -91,10 +91,9 @@ impl PyImage<'_> {
 pub struct PyAdmmStep<'py>(PyReadonlyArray1<'py, f64>, f64);
 
 impl PyAdmmStep<'_> {
-    /// Return the parameters of each of `images` images.
-    pub fn to_engine(&self, images: usize) -> PyResult<Vec<AdmmStep>> {
+    /// Return the parameters of each image.
+    pub fn to_engine(&self) -> PyResult<Vec<AdmmStep>> {
         let penalties = self.0.as_slice()?;
-        check_length("penalties", images, penalties.len())?;
         let relaxation = self.1;
         let step = |&penalty| AdmmStep {
             penalty,

@@ -1,16 +1,24 @@
 //! Counts of the ones in packed bits.
 
 use jotlight::bits::{self, Blocks, PackedBits};
-use ndarray::Axis;
+use jotlight::error::Result;
 use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyReadwriteArray2,
     PyReadwriteArray3,
 };
 use pyo3::prelude::*;
-use rayon::prelude::*;
 
-use crate::arguments::check_length;
-use crate::run;
+use crate::{run, to_python};
+
+/// Return the packed bits of each image.
+pub fn packed_images<'a>(
+    packed: &'a [PyReadonlyArray3<'_, u8>],
+    width: usize,
+) -> PyResult<Vec<PackedBits<'a>>> {
+    let bits = |image: &'a PyReadonlyArray3<'_, u8>| PackedBits::new(image.as_array(), width);
+    let images: Result<_> = packed.iter().map(bits).collect();
+    images.map_err(to_python)
+}
 
 /// Add the number of ones of each pixel, over its jots and all frames, to `counts` `(N, H, W)`, for
 /// the packed bits of each of N images.
@@ -24,18 +32,11 @@ pub fn add_block_counts(
     mut counts: PyReadwriteArray3<'_, i32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
-    let mut counts = counts.as_array_mut();
-    check_length("counts", packed.len(), counts.dim().0)?;
+    let counts = counts.as_array_mut();
     let valid = valid.as_ref().map(|valid| valid.as_array());
+    let images = packed_images(&packed, width)?;
     run(py, threads, || {
-        packed
-            .into_par_iter()
-            .zip(counts.axis_iter_mut(Axis(0)))
-            .try_for_each(|(packed, counts)| {
-                let bits = PackedBits::new(packed, width)?;
-                bits::add_block_counts(&bits, oversampling, valid, counts)
-            })
+        bits::add_block_counts_of_images(&images, oversampling, valid, counts)
     })
 }
 

@@ -1,13 +1,10 @@
 //! The log-likelihood of counted bits and its derivatives, and the detection probability.
 
 use jotlight::likelihood::{Readings, Threshold};
-use numpy::{
-    PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods,
-};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
-use rayon::prelude::*;
 
-use crate::arguments::{PyAdmmStep, PyValues, check_length};
+use crate::arguments::{PyAdmmStep, PyValues};
 use crate::{run, to_python};
 
 /// The readings of a sensor, as the tuple (threshold, ones, trials, efficiency, dark counts).
@@ -43,18 +40,8 @@ pub fn log_likelihood(
     threads: Option<isize>,
 ) -> PyResult<Vec<f64>> {
     let readings = readings.to_engine()?;
-    let (images, cells) = light.as_array().dim();
-    check_length("light", readings.len(), images * cells)?;
-    let light = light.as_slice()?;
-    run(py, threads, || {
-        (0..images)
-            .into_par_iter()
-            .map(|image| {
-                let cells = image * cells..(image + 1) * cells;
-                readings.part(cells.clone()).value(&light[cells])
-            })
-            .collect()
-    })
+    let (images, light) = (light.as_array().dim().0, light.as_slice()?);
+    run(py, threads, || readings.values(images, light))
 }
 
 /// Write ∂ℓ/∂s of each element into `gradient`, and −∂²ℓ/∂s² into `curvature`.
@@ -119,25 +106,10 @@ pub fn likelihood_admm_update(
     mut dual: PyReadwriteArray2<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<Vec<f64>> {
-    let (images, cells) = light.as_array().dim();
-    let (readings, steps) = (readings.to_engine()?, step.to_engine(images)?);
-    for length in [readings.len(), x.len(), dual.len()] {
-        check_length("light", length, images * cells)?;
-    }
+    let (readings, steps) = (readings.to_engine()?, step.to_engine()?);
     let (light, x, dual) = (light.as_slice()?, x.as_slice_mut()?, dual.as_slice_mut()?);
-    // An image without a cell does not occur: Python refuses it.
-    let cells = cells.max(1);
     run(py, threads, || {
-        x.par_chunks_mut(cells)
-            .zip(dual.par_chunks_mut(cells))
-            .zip(light.par_chunks(cells))
-            .zip(steps)
-            .enumerate()
-            .map(|(image, (((x, dual), light), step))| {
-                let readings = readings.part(image * cells..(image + 1) * cells);
-                readings.admm_update(&step, max_light, light, x, dual)
-            })
-            .collect()
+        readings.admm_update(&steps, max_light, light, x, dual)
     })
 }
 

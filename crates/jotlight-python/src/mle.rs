@@ -8,9 +8,8 @@ use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyReadwriteArray2,
 };
 use pyo3::prelude::*;
-use rayon::prelude::*;
 
-use crate::arguments::{PyValues, check_length};
+use crate::arguments::PyValues;
 use crate::{run, to_python};
 
 /// The response of a pixel, as the tuple (threshold, light at intensity 1, maximum intensity).
@@ -114,36 +113,18 @@ pub fn equivalent_counts(
 ) -> PyResult<()> {
     let (response, reference) = (response.to_engine()?, reference.to_engine());
     let (trials, jots) = (trials.to_engine()?, jots.to_engine()?);
-    let (images, pixels) = counts.as_array().dim();
     let (counts, out) = (counts.as_slice()?, out.as_slice_mut()?);
     let reference_trials = reference_trials.as_slice()?;
-    check_length("out", counts.len(), out.len())?;
-    check_length("reference trials", images, reference_trials.len())?;
-    for values in [trials, jots.efficiency, jots.dark_counts] {
-        if let Values::Each(values) = values {
-            check_length("pixels", counts.len(), values.len())?;
-        }
-    }
     run(py, threads, || {
-        out.par_chunks_mut(pixels.max(1))
-            .zip(reference_trials)
-            .enumerate()
-            .try_for_each(|(image, (out, &reference_trials))| {
-                let part = image * pixels..(image + 1) * pixels;
-                let jots = JotResponses {
-                    efficiency: jots.efficiency.part(part.clone()),
-                    dark_counts: jots.dark_counts.part(part.clone()),
-                };
-                mle::equivalent_counts(
-                    &response,
-                    &counts[part.clone()],
-                    trials.part(part),
-                    &jots,
-                    reference_trials,
-                    reference,
-                    out,
-                )
-            })
+        mle::equivalent_counts(
+            &response,
+            counts,
+            trials,
+            &jots,
+            reference_trials,
+            reference,
+            out,
+        )
     })
 }
 
@@ -182,25 +163,17 @@ pub fn mle_from_jots(
 ) -> PyResult<()> {
     let response = response.to_engine()?;
     let dead = dead.as_ref().map(PyReadonlyArray1::as_slice).transpose()?;
-    let responses = jots.to_engine()?;
-    let (jots, pixels) = (
-        ones.as_array().dim().1.max(1),
-        out.as_array().dim().1.max(1),
-    );
-    check_length("out", ones.as_array().dim().0, out.as_array().dim().0)?;
-    let (ones, out) = (ones.as_slice()?, out.as_slice_mut()?);
+    let pixels = out.as_array().dim().1;
+    let size = (pixels.checked_div(width).unwrap_or_default(), width);
+    let counts = JotCounts {
+        ones: ones.as_slice()?,
+        responses: jots.to_engine()?,
+        dead,
+        frames,
+        oversampling,
+    };
+    let out = out.as_slice_mut()?;
     run(py, threads, || {
-        out.par_chunks_mut(pixels)
-            .zip(ones.par_chunks(jots))
-            .try_for_each(|(out, ones)| {
-                let counts = JotCounts {
-                    ones,
-                    responses,
-                    dead,
-                    frames,
-                    oversampling,
-                };
-                mle::from_jots(&response, &counts, width, out)
-            })
+        mle::from_jots(&response, &counts, size, out)
     })
 }

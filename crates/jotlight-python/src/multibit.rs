@@ -1,17 +1,15 @@
 //! Readings of several bits, and read noise.
 
 use jotlight::multibit::{self, Cells, Response, Sample};
-use jotlight::sensing::Image;
-use ndarray::ArrayViewMut3;
+use jotlight::sensing::draw_images;
 use numpy::{
     PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray4,
     PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use rayon::prelude::*;
 
 use crate::arguments::{PyImages, PyValues, check_length, to_engine_images};
-use crate::sensing::{PySensor, draw_images, to_window};
+use crate::sensing::{PySensor, to_window};
 use crate::{run, to_python};
 
 /// A response, as the tuple (highest reading, read noise, threshold).
@@ -64,10 +62,12 @@ pub fn draw_readings(
 ) -> PyResult<()> {
     let (sensor, response) = (sensor.to_engine()?, response.to_engine()?);
     let (images, window) = (to_engine_images(&images), to_window(frames, rows, columns));
-    let draw = |image: Image<'_>, seed, channel, out: ArrayViewMut3<'_, u16>| {
-        multibit::draw(&sensor, &response, image, seed, channel, &window, out)
-    };
-    draw_images(py, images, streams, out.as_array_mut(), threads, draw)
+    let out = out.as_array_mut();
+    run(py, threads, || {
+        draw_images(images, &streams, out, |image, (seed, channel), out| {
+            multibit::draw(&sensor, &response, image, seed, channel, &window, out)
+        })
+    })
 }
 
 /// Return the log-likelihood of cells, where `light` is the light of each.
@@ -116,14 +116,8 @@ pub fn readings_log_probability(
 ) -> PyResult<()> {
     let (response, rates) = (response.to_engine()?, rates.as_slice()?);
     let (readings, out) = (readings.as_slice()?, out.as_slice_mut()?);
-    check_length("rates", readings.len(), rates.len())?;
-    check_length("out", readings.len(), out.len())?;
     run(py, threads, || {
-        let pairs = readings.par_iter().zip(rates);
-        pairs.zip(out).for_each(|((&reading, &rate), out)| {
-            *out = response.ln_probability(reading.max(0).cast_unsigned(), rate);
-        });
-        Ok(())
+        response.ln_probabilities(readings, rates, out)
     })
 }
 
@@ -140,12 +134,7 @@ pub fn readings_distribution(
     let (response, rates) = (response.to_engine()?, rates.as_slice()?);
     let length = out.shape()[1];
     let out = out.as_slice_mut()?;
-    check_length("out", rates.len() * length, out.len())?;
-    run(py, threads, || {
-        let rows = out.par_chunks_mut(length.max(1)).zip(rates);
-        rows.for_each(|(row, &rate)| response.write_probabilities(0, rate, row));
-        Ok(())
-    })
+    run(py, threads, || response.distributions(rates, length, out))
 }
 
 /// Write the Fisher information of a reading about each rate into `information`.
@@ -159,13 +148,7 @@ pub fn readings_information(
 ) -> PyResult<()> {
     let (response, rates) = (response.to_engine()?, rates.as_slice()?);
     let information = information.as_slice_mut()?;
-    check_length("rates", information.len(), rates.len())?;
-    run(py, threads, || {
-        let table = response.information_table();
-        let pairs = information.par_iter_mut().zip(rates);
-        pairs.for_each(|(information, &rate)| *information = table.at(rate)[0].exp());
-        Ok(())
-    })
+    run(py, threads, || response.informations(rates, information))
 }
 
 /// Write the mean of a reading, its variance, and the derivative of the mean at each rate into
@@ -179,16 +162,7 @@ pub fn readings_moments(
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (response, rates) = (response.to_engine()?, rates.as_slice()?);
-    let moments = moments.as_slice_mut()?;
     check_length("moments", 3 * rates.len(), moments.len())?;
-    run(py, threads, || {
-        let table = response.moments_table();
-        let pairs = moments.as_chunks_mut().0.par_iter_mut().zip(rates);
-        pairs.for_each(|(out, &rate): (&mut [f64; 3], _)| {
-            let [mean, variance, slope] = table.at(rate);
-            // Interpolation can make a vanishing variance negative.
-            *out = [mean, variance.max(0.0), slope];
-        });
-        Ok(())
-    })
+    let moments = moments.as_slice_mut()?.as_chunks_mut().0;
+    run(py, threads, || response.all_moments(rates, moments))
 }

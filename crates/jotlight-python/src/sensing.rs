@@ -1,16 +1,12 @@
 //! The sensor model: random bits, rates, detection probabilities, and the operator G.
 
-use jotlight::error::Result;
 use jotlight::likelihood::Threshold;
 use jotlight::numbers::inner_product;
-use jotlight::sensing::{self, Image, Kernel, Sensor, SpreadOperator, Window};
-use ndarray::{ArrayViewMut3, ArrayViewMut4, Axis};
+use jotlight::sensing::{self, Kernel, Sensor, SpreadOperator, Window};
 use numpy::{
     PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3, PyReadwriteArray4,
 };
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use rayon::prelude::*;
 
 use crate::arguments::{PyImage, PyImages, PyPerJot, check_length, to_engine_images};
 use crate::{run, run_alone, to_python};
@@ -57,10 +53,12 @@ pub fn expose(
 ) -> PyResult<()> {
     let sensor = sensor.to_engine()?;
     let (images, window) = (to_engine_images(&images), to_window(frames, rows, columns));
-    let draw = |image: Image<'_>, seed, channel, out: ArrayViewMut3<'_, u8>| {
-        sensing::expose(&sensor, image, seed, channel, &window, out)
-    };
-    draw_images(py, images, streams, out.as_array_mut(), threads, draw)
+    let out = out.as_array_mut();
+    run(py, threads, || {
+        sensing::draw_images(images, &streams, out, |image, (seed, channel), out| {
+            sensing::expose(&sensor, image, seed, channel, &window, out)
+        })
+    })
 }
 
 /// Return the window of ranges of frames, rows of pixels, and columns of pixels.
@@ -70,28 +68,6 @@ pub fn to_window(frames: (usize, usize), rows: (usize, usize), columns: (usize, 
         rows: rows.0..rows.1,
         columns: columns.0..columns.1,
     }
-}
-
-/// Draw each image with its seed and channel into its part of `out`.
-pub fn draw_images<T: Send + Sync>(
-    py: Python<'_>,
-    images: Vec<Image<'_>>,
-    streams: Vec<([u8; 32], usize)>,
-    mut out: ArrayViewMut4<'_, T>,
-    threads: Option<isize>,
-    draw: impl Fn(Image<'_>, [u8; 32], usize, ArrayViewMut3<'_, T>) -> Result<()> + Sync + Send,
-) -> PyResult<()> {
-    if images.len() != streams.len() || images.len() != out.dim().0 {
-        let received = (images.len(), streams.len(), out.dim().0);
-        return Err(PyValueError::new_err(format!(
-            "images, streams, and out: expected equal numbers, got {received:?}"
-        )));
-    }
-    run(py, threads, || {
-        let places = out.axis_iter_mut(Axis(0)).into_par_iter();
-        let drawn = places.zip(images).zip(streams);
-        drawn.try_for_each(|((out, image), (seed, channel))| draw(image, seed, channel, out))
-    })
 }
 
 /// Draw the counts of `frames` frames of an image `(H, W)` into `out`. Counts with different numbers
@@ -168,15 +144,8 @@ pub fn spread_forward(
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (spread, gain) = spread.to_engine()?;
-    let (images, mut out) = (images.as_array(), out.as_array_mut());
-    check_length("images", images.dim().0, out.dim().0)?;
-    run(py, threads, || {
-        images
-            .axis_iter(Axis(0))
-            .into_par_iter()
-            .zip(out.axis_iter_mut(Axis(0)))
-            .try_for_each(|(image, out)| spread.forward(gain, image, out))
-    })
+    let (images, out) = (images.as_array(), out.as_array_mut());
+    run(py, threads, || spread.forward(gain, images, out))
 }
 
 /// Write gain · Gᵀ of the jots of each image `(N, H·K̂, W·K̂)` into `out`.
@@ -189,14 +158,8 @@ pub fn spread_adjoint(
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (spread, gain) = spread.to_engine()?;
-    let (jots, mut out) = (jots.as_array(), out.as_array_mut());
-    check_length("jots", jots.dim().0, out.dim().0)?;
-    run(py, threads, || {
-        jots.axis_iter(Axis(0))
-            .into_par_iter()
-            .zip(out.axis_iter_mut(Axis(0)))
-            .try_for_each(|(jots, out)| spread.adjoint(gain, jots, out))
-    })
+    let (jots, out) = (jots.as_array(), out.as_array_mut());
+    run(py, threads, || spread.adjoint(gain, jots, out))
 }
 
 /// Write gain² · Gᵀ diag(weights) G of each image `(N, H, W)` into `out`.
@@ -210,16 +173,8 @@ pub fn spread_normal(
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (spread, gain) = spread.to_engine()?;
-    let (weights, images, mut out) = (weights.as_array(), images.as_array(), out.as_array_mut());
-    check_length("weights", images.dim().0, weights.dim().0)?;
-    check_length("images", images.dim().0, out.dim().0)?;
-    run(py, threads, || {
-        let weights = weights.axis_iter(Axis(0)).into_par_iter();
-        weights
-            .zip(images.axis_iter(Axis(0)))
-            .zip(out.axis_iter_mut(Axis(0)))
-            .try_for_each(|((weights, image), out)| spread.normal(gain, weights, image, out))
-    })
+    let (weights, images, out) = (weights.as_array(), images.as_array(), out.as_array_mut());
+    run(py, threads, || spread.normal(gain, weights, images, out))
 }
 
 /// Return the inner product of each row of `a` with the same row of `b`. One thread computes them,

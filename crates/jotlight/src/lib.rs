@@ -70,6 +70,7 @@ mod elementary;
 mod elements;
 pub mod error;
 pub mod filter;
+mod images;
 mod interrupt;
 pub mod joint;
 pub mod likelihood;

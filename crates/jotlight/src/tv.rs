@@ -1,11 +1,16 @@
 //! Total variation TV(c) = Σ |D c|, where D maps an image to the differences of neighboring pixels:
 //! D, its adjoint, the proximal map of the total variation, and an ADMM update (section 2.2.1).
+//!
+//! The functions take stacks: images have the shape `(N, H, W)`, and differences `(N, 2, H, W)`.
 
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, Zip, s};
+use ndarray::{
+    ArrayView2, ArrayView3, ArrayView4, ArrayViewMut2, ArrayViewMut3, ArrayViewMut4, Axis, Zip, s,
+};
 use rayon::prelude::*;
 
 use crate::admm::AdmmStep;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
+use crate::images::for_each_image;
 use crate::values::Values;
 use crate::{interrupt, memory};
 
@@ -50,16 +55,27 @@ impl Norm {
     }
 }
 
-/// Write D `image` into `out` `(2, H, W)`.
+/// Write D `images` into `out` `(N, 2, H, W)`.
 ///
-/// The first plane holds the differences to the pixel below, which are 0 in the last row. The
-/// second plane holds the differences to the pixel on the right, which are 0 in the last column.
+/// The first plane of an image holds the differences to the pixel below, which are 0 in the last
+/// row. The second plane holds the differences to the pixel on the right, which are 0 in the last
+/// column.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the images are
 /// empty.
-pub fn differences(image: ArrayView2<'_, f64>, mut out: ArrayViewMut3<'_, f64>) -> Result<()> {
-    check_shapes(image.dim(), out.dim())?;
+pub fn differences(images: ArrayView3<'_, f64>, mut out: ArrayViewMut4<'_, f64>) -> Result<()> {
+    check_shapes(images.dim(), out.dim())?;
+    for_each_image(
+        images.outer_iter().zip(out.outer_iter_mut()),
+        |(image, out)| {
+            write_differences(image, out);
+            Ok(())
+        },
+    )
+}
+
+fn write_differences(image: ArrayView2<'_, f64>, mut out: ArrayViewMut3<'_, f64>) {
     let (height, width) = image.dim();
     let (mut down, mut right) = out.multi_slice_mut((s![0, .., ..], s![1, .., ..]));
     down.axis_iter_mut(Axis(0))
@@ -80,16 +96,23 @@ pub fn differences(image: ArrayView2<'_, f64>, mut out: ArrayViewMut3<'_, f64>) 
                 right[column] = current[(column + 1).min(width - 1)] - current[column];
             }
         });
-    Ok(())
 }
 
 /// Write Dᵀ `differences` into `out`.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the images are
 /// empty.
-pub fn adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>) -> Result<()> {
+pub fn adjoint(differences: ArrayView4<'_, f64>, mut out: ArrayViewMut3<'_, f64>) -> Result<()> {
     check_shapes(out.dim(), differences.dim())?;
+    let images = differences.outer_iter().zip(out.outer_iter_mut());
+    for_each_image(images, |(differences, out)| {
+        write_adjoint(differences, out);
+        Ok(())
+    })
+}
+
+fn write_adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>) {
     let (height, width) = out.dim();
     out.axis_iter_mut(Axis(0))
         .into_par_iter()
@@ -117,7 +140,6 @@ pub fn adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>
                 out[column] = sum;
             }
         });
-    Ok(())
 }
 
 /// Replace `differences` with the minimizer v of Σ threshold · |v| + ½ ‖v − differences‖².
@@ -126,15 +148,24 @@ pub fn adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a threshold
-/// that is infinite, NaN, or negative, or if the image is empty.
+/// that is infinite, NaN, or negative, or if the images are empty.
 pub fn shrink(
-    mut differences: ArrayViewMut3<'_, f64>,
+    mut differences: ArrayViewMut4<'_, f64>,
     threshold: Values<'_, f64>,
     norm: Norm,
 ) -> Result<()> {
-    let (directions, height, width) = differences.dim();
-    check_shapes((height, width), (directions, height, width))?;
-    threshold.check("threshold", height * width)?;
+    let (images, pixels) = check_differences(differences.dim())?;
+    threshold.check("threshold", images * pixels)?;
+    let thresholds = threshold.of_images(images, pixels);
+    let images = differences.outer_iter_mut().zip(thresholds);
+    for_each_image(images, |(differences, threshold)| {
+        shrink_image(differences, threshold, norm);
+        Ok(())
+    })
+}
+
+fn shrink_image(mut differences: ArrayViewMut3<'_, f64>, threshold: Values<'_, f64>, norm: Norm) {
+    let width = differences.dim().2;
     let (mut down, mut right) = differences.multi_slice_mut((s![0, .., ..], s![1, .., ..]));
     down.axis_iter_mut(Axis(0))
         .into_par_iter()
@@ -149,31 +180,49 @@ pub fn shrink(
                 (down[column], right[column]) = norm.shrink(down[column], right[column], threshold);
             }
         });
-    Ok(())
 }
 
-/// Update `x` and its dual by one ADMM iteration for Σ weight · |x| subject to x = D `image`.
-/// Return the squared primal residual ‖D image − x‖².
+/// Update `x` and its dual by one ADMM iteration for Σ weight · |x| subject to x = D `images`.
+/// Return the squared primal residual ‖D image − x‖² of each image.
 ///
-/// `x` and `dual` have the shape `(2, H, W)`.
+/// `x` and `dual` have the shape `(N, 2, H, W)`. Each image has its own step.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a penalty or a
 /// relaxation that is not a finite number above 0, for a weight that is infinite, NaN, or negative,
-/// or if the image is empty.
+/// or if the images are empty.
 pub fn admm_update(
+    steps: &[AdmmStep],
+    weight: Values<'_, f64>,
+    norm: Norm,
+    images: ArrayView3<'_, f64>,
+    mut x: ArrayViewMut4<'_, f64>,
+    mut dual: ArrayViewMut4<'_, f64>,
+) -> Result<Vec<f64>> {
+    check_shapes(images.dim(), x.dim())?;
+    check_shapes(images.dim(), dual.dim())?;
+    let (number, height, width) = images.dim();
+    check_shape("steps", number, steps.len())?;
+    steps.iter().try_for_each(AdmmStep::check)?;
+    weight.check("weight", number * height * width)?;
+    let weights = weight.of_images(number, height * width);
+    let parameters = steps.iter().zip(weights).zip(images.outer_iter());
+    let images = parameters.zip(x.outer_iter_mut().zip(dual.outer_iter_mut()));
+    for_each_image(images, |(((step, weight), image), (x, dual))| {
+        Ok(update_image(step, weight, norm, image, x, dual))
+    })
+}
+
+/// Update `x` and its dual for one image, and return its squared primal residual.
+fn update_image(
     step: &AdmmStep,
     weight: Values<'_, f64>,
     norm: Norm,
     image: ArrayView2<'_, f64>,
     mut x: ArrayViewMut3<'_, f64>,
     mut dual: ArrayViewMut3<'_, f64>,
-) -> Result<f64> {
-    check_shapes(image.dim(), x.dim())?;
-    check_shapes(image.dim(), dual.dim())?;
-    step.check()?;
+) -> f64 {
     let (height, width) = image.dim();
-    weight.check("weight", height * width)?;
     let (mut x_down, mut x_right) = x.multi_slice_mut((s![0, .., ..], s![1, .., ..]));
     let (mut dual_down, mut dual_right) = dual.multi_slice_mut((s![0, .., ..], s![1, .., ..]));
     let rows = x_down
@@ -209,23 +258,35 @@ pub fn admm_update(
             },
         )
         .collect();
-    Ok(squared_residuals.iter().sum())
+    squared_residuals.iter().sum()
 }
 
-/// Return Σ weight · |differences|: the weighted total variation of an image with these
-/// differences.
+/// Return Σ weight · |differences| for each image: the weighted total variation of an image with
+/// these differences.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a weight that
-/// is infinite, NaN, or negative, or if the image is empty.
+/// is infinite, NaN, or negative, or if the images are empty.
 pub fn total_variation(
+    differences: ArrayView4<'_, f64>,
+    weight: Values<'_, f64>,
+    norm: Norm,
+) -> Result<Vec<f64>> {
+    let (images, pixels) = check_differences(differences.dim())?;
+    weight.check("weight", images * pixels)?;
+    let weights = weight.of_images(images, pixels);
+    let images = differences.outer_iter().zip(weights);
+    for_each_image(images, |(differences, weight)| {
+        total_of_image(differences, weight, norm)
+    })
+}
+
+fn total_of_image(
     differences: ArrayView3<'_, f64>,
     weight: Values<'_, f64>,
     norm: Norm,
 ) -> Result<f64> {
-    let (directions, height, width) = differences.dim();
-    check_shapes((height, width), (directions, height, width))?;
-    weight.check("weight", height * width)?;
+    let (_, height, width) = differences.dim();
     // Each row has its own sum, and these sums are added in order, so that the result is the same
     // for any number of threads.
     memory::check::<f64>("sums of the rows", &[height])?;
@@ -245,18 +306,21 @@ pub fn total_variation(
     Ok(rows.iter().sum())
 }
 
-fn check_shapes(image: (usize, usize), differences: (usize, usize, usize)) -> Result<()> {
-    if image.0 == 0 || image.1 == 0 {
-        let received = format!("{} x {}", image.0, image.1);
+/// Check the shapes of images `(N, H, W)` and of their differences `(N, 2, H, W)`.
+fn check_shapes(
+    (number, height, width): (usize, usize, usize),
+    differences: (usize, usize, usize, usize),
+) -> Result<()> {
+    if height == 0 || width == 0 {
+        let received = format!("{height} x {width}");
         return Err(Error::range("image", "at least one pixel", received));
     }
-    if differences == (2, image.0, image.1) {
-        Ok(())
-    } else {
-        Err(Error::shape(
-            "differences",
-            (2, image.0, image.1),
-            differences,
-        ))
-    }
+    check_shape("differences", (number, 2, height, width), differences)
+}
+
+/// Check the shape of differences, and return the numbers of images and of pixels of an image.
+fn check_differences(differences: (usize, usize, usize, usize)) -> Result<(usize, usize)> {
+    let (number, _, height, width) = differences;
+    check_shapes((number, height, width), differences)?;
+    Ok((number, height * width))
 }

@@ -33,6 +33,11 @@ impl<T: Copy> Values<'_, T> {
         }
     }
 
+    /// Return the values of each of `images` images, which have `pixels` elements.
+    pub(crate) fn of_images(self, images: usize, pixels: usize) -> impl Iterator<Item = Self> {
+        (0..images).map(move |image| self.part(image * pixels..(image + 1) * pixels))
+    }
+
     pub(crate) fn get(&self, index: usize) -> T {
         match self {
             Self::Same(value) => *value,

@@ -129,7 +129,8 @@ fn check_equivalent_counts(input: &mut Input<'_>) -> Option<()> {
     let length = input.size() * input.size();
     let (threshold, length) = input.threshold_and_length(length);
     let pixels = Pixels::new(input, threshold, length);
-    let reference_trials = input.float();
+    let images = if input.rarely(8) { input.below(4) } else { 1 };
+    let reference_trials = input.floats(images);
     consistent(|_| {
         let (mut out, trials) = (pixels.out.clone(), pixels.trials.get());
         let (response, jots) = (pixels.response()?, pixels.jots());
@@ -139,7 +140,7 @@ fn check_equivalent_counts(input: &mut Input<'_>) -> Option<()> {
             ones,
             trials,
             &jots,
-            reference_trials,
+            &reference_trials,
             pixels.jot,
             &mut out,
         )?;
@@ -167,10 +168,10 @@ fn check_from_jots(input: &mut Input<'_>) -> Option<()> {
     } else {
         side
     };
-    let width_argument = if input.rarely(16) {
-        input.number()
+    let size = if input.rarely(16) {
+        (input.number(), input.number())
     } else {
-        width
+        (height, width)
     };
     let frames = match pixels.trials {
         OneOrEach::One(trials) => trials as i32,
@@ -185,7 +186,7 @@ fn check_from_jots(input: &mut Input<'_>) -> Option<()> {
             oversampling,
         };
         let mut out = vec![0.0; height * width];
-        from_jots(&pixels.response()?, &counts, width_argument, &mut out)?;
+        from_jots(&pixels.response()?, &counts, size, &mut out)?;
         Ok(out)
     })?;
     pixels.check_range(&estimates, true);

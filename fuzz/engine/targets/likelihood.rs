@@ -165,8 +165,8 @@ fn check_admm_update(input: &mut Input<'_>) -> Option<()> {
         let [mut x, mut dual] = elements.others.clone();
         let (light, max_light) = (&elements.light, elements.max_light);
         let readings = elements.readings()?;
-        let residual = readings.admm_update(&step, max_light, light, &mut x, &mut dual)?;
-        Ok((vec![residual], (x, dual)))
+        let residuals = readings.admm_update(&[step], max_light, light, &mut x, &mut dual)?;
+        Ok((residuals, (x, dual)))
     })
     .map(|_| ())
 }

@@ -197,17 +197,17 @@ struct Spread {
 
 impl Spread {
     fn new(input: &mut Input<'_>) -> Self {
-        let shape = (input.size(), input.size());
+        let shape = (1 + input.below(3), input.size(), input.size());
         let mut kernel = || match input.below(32) {
             0 => (input.number(), input.number()),
             degree => (degree % 4, input.size().min(6)),
         };
         let kernels = [kernel(), kernel()];
         let jots = (
-            shape.0 * kernels[0].1.min(16),
-            shape.1 * kernels[1].1.min(16),
+            shape.1 * kernels[0].1.min(16),
+            shape.2 * kernels[1].1.min(16),
         );
-        let jots = (input.almost(jots.0), jots.1);
+        let jots = (input.almost(shape.0), input.almost(jots.0), jots.1);
         Self {
             kernels,
             gain: input.float(),
@@ -231,7 +231,7 @@ fn check_spread_forward(input: &mut Input<'_>) -> Option<()> {
         );
         spread
             .operator()?
-            .forward(spread.gain, image.view(), out.view_mut())?;
+            .forward(spread.gain, image.view::<Ix3>(), out.view_mut::<Ix3>())?;
         Ok(out.values())
     })
     .map(|_| ())

@@ -2,7 +2,7 @@
 
 use jotlight::admm::AdmmStep;
 use jotlight::tv::{self, Norm};
-use ndarray::{Ix2, Ix3};
+use ndarray::{Ix3, Ix4};
 
 use crate::Check;
 use crate::arrays::{Grid, consistent};
@@ -18,7 +18,8 @@ pub const CHECKS: &[(&str, Check)] = &[
 ];
 
 struct Field {
-    image: Grid<f64>,
+    number: usize,
+    images: Grid<f64>,
     differences: Grid<f64>,
     dual: Grid<f64>,
     weight: OneOrEach<f64>,
@@ -27,13 +28,19 @@ struct Field {
 
 impl Field {
     fn new(input: &mut Input<'_>) -> Self {
-        let shape = (input.size(), input.size());
-        let stack = (input.almost(2), input.almost(shape.0), shape.1);
+        let (number, height, width) = (1 + input.below(3), input.size(), input.size());
+        let stack = (
+            input.almost(number),
+            input.almost(2),
+            input.almost(height),
+            width,
+        );
         Self {
-            image: Grid::floats(input, shape),
+            number,
+            images: Grid::floats(input, (number, height, width)),
             differences: Grid::floats(input, stack),
             dual: Grid::floats(input, stack),
-            weight: one_or_each(input, shape.0 * shape.1),
+            weight: one_or_each(input, number * height * width),
             norm: if input.rarely(2) {
                 Norm::Isotropic
             } else {
@@ -46,11 +53,11 @@ impl Field {
 fn check_differences(input: &mut Input<'_>) -> Option<()> {
     let field = Field::new(input);
     consistent(|is_standard| {
-        let (image, mut out) = (
-            field.image.arranged(is_standard),
+        let (images, mut out) = (
+            field.images.arranged(is_standard),
             field.differences.arranged(is_standard),
         );
-        tv::differences(image.view::<Ix2>(), out.view_mut::<Ix3>())?;
+        tv::differences(images.view::<Ix3>(), out.view_mut::<Ix4>())?;
         Ok(out.values())
     })
     .map(|_| ())
@@ -60,10 +67,10 @@ fn check_adjoint(input: &mut Input<'_>) -> Option<()> {
     let field = Field::new(input);
     consistent(|is_standard| {
         let (mut out, differences) = (
-            field.image.arranged(is_standard),
+            field.images.arranged(is_standard),
             field.differences.arranged(is_standard),
         );
-        tv::adjoint(differences.view::<Ix3>(), out.view_mut::<Ix2>())?;
+        tv::adjoint(differences.view::<Ix4>(), out.view_mut::<Ix3>())?;
         Ok(out.values())
     })
     .map(|_| ())
@@ -75,7 +82,7 @@ fn check_shrink(input: &mut Input<'_>) -> Option<()> {
     let shrunk = consistent(|is_standard| {
         let mut differences = field.differences.arranged(is_standard);
         tv::shrink(
-            differences.view_mut::<Ix3>(),
+            differences.view_mut::<Ix4>(),
             field.weight.get(),
             field.norm,
         )?;
@@ -89,16 +96,12 @@ fn check_shrink(input: &mut Input<'_>) -> Option<()> {
 
 fn check_total_variation(input: &mut Input<'_>) -> Option<()> {
     let field = Field::new(input);
-    let value = consistent(|is_standard| {
+    let values = consistent(|is_standard| {
         let differences = field.differences.arranged(is_standard);
-        let differences = differences.view::<Ix3>();
-        Ok(vec![tv::total_variation(
-            differences,
-            field.weight.get(),
-            field.norm,
-        )?])
+        let differences = differences.view::<Ix4>();
+        tv::total_variation(differences, field.weight.get(), field.norm)
     })?;
-    assert!(value[0] >= 0.0 || value[0].is_nan());
+    assert!(values.iter().all(|&value| value >= 0.0 || value.is_nan()));
     Some(())
 }
 
@@ -108,21 +111,22 @@ fn check_admm_update(input: &mut Input<'_>) -> Option<()> {
         penalty: input.float(),
         relaxation: input.float(),
     };
+    let steps = vec![step; input.almost(field.number)];
     consistent(|is_standard| {
-        let image = field.image.arranged(is_standard);
+        let images = field.images.arranged(is_standard);
         let (mut x, mut dual) = (
             field.differences.arranged(is_standard),
             field.dual.arranged(is_standard),
         );
-        let residual = tv::admm_update(
-            &step,
+        let residuals = tv::admm_update(
+            &steps,
             field.weight.get(),
             field.norm,
-            image.view::<Ix2>(),
-            x.view_mut::<Ix3>(),
-            dual.view_mut::<Ix3>(),
+            images.view::<Ix3>(),
+            x.view_mut::<Ix4>(),
+            dual.view_mut::<Ix4>(),
         )?;
-        Ok((vec![residual], (x.values(), dual.values())))
+        Ok((residuals, (x.values(), dual.values())))
     })
     .map(|_| ())
 }

@@ -13,9 +13,9 @@ use numpy::{
     PyReadonlyArrayDyn, PyReadwriteArray2,
 };
 use pyo3::prelude::*;
-use rayon::prelude::*;
 
 use super::trials::{PyTrials, to_engine_trials};
+use crate::bits::packed_images;
 use crate::mle::{PyJotResponse, PyPixelResponse};
 use crate::{run, to_python};
 
@@ -227,12 +227,8 @@ impl PyNetwork {
         valid: PyReadonlyArray2<'_, u8>,
         threads: Option<isize>,
     ) -> PyResult<Vec<Bound<'py, PyArray3<f32>>>> {
-        let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
-        let valid = valid.as_array();
-        let sums: Vec<_> = run(py, threads, || {
-            let sums = |packed| self.0.masked_sums(&PackedBits::new(packed, width)?, valid);
-            packed.into_par_iter().map(sums).collect()
-        })?;
+        let (images, valid) = (packed_images(&packed, width)?, valid.as_array());
+        let sums = run(py, threads, || self.0.masked_sums(&images, valid))?;
         Ok(sums.into_iter().map(|sums| sums.into_pyarray(py)).collect())
     }
 

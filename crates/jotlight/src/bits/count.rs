@@ -3,14 +3,17 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
+use ndarray::{
+    Array2, ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis, s,
+};
 use num_integer::gcd;
 use rayon::prelude::*;
 
 use super::bit_planes::{BitCounters, FRAMES_PER_GROUP};
 use super::{MAX_FIELD_BITS, PackedBits, bit_field, contiguous, mask_row, packed_width};
 use crate::cpu::levels;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
+use crate::images::for_each_image;
 use crate::interrupt;
 
 /// The minimum and the maximum number of bytes per frame that one task counts with bit planes.
@@ -78,6 +81,24 @@ pub fn add_block_counts(
             }
             Ok(())
         })
+}
+
+/// Add the ones of each of several images to `counts` `(N, H, W)`, as [`add_block_counts`] does. All
+/// images have the same mask.
+///
+/// # Errors
+/// [`Error::Shape`] if there are not N images, and the errors of [`add_block_counts`].
+pub fn add_block_counts_of_images(
+    images: &[PackedBits<'_>],
+    oversampling: usize,
+    valid: Option<ArrayView2<'_, u8>>,
+    mut counts: ArrayViewMut3<'_, i32>,
+) -> Result<()> {
+    check_shape("images", counts.dim().0, images.len())?;
+    for_each_image(
+        images.iter().zip(counts.outer_iter_mut()),
+        |(bits, counts)| add_block_counts(bits, oversampling, valid, counts),
+    )
 }
 
 /// Return the number of ones of each pixel in a region of rows and columns of pixels, and the number

@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 
 pub(crate) use bit_planes::{BitCounters, FRAMES_PER_GROUP};
 pub use blocks::{Blocks, add_counts_of_blocks};
-pub use count::add_block_counts;
+pub use count::{add_block_counts, add_block_counts_of_images};
 pub(crate) use count::{check_mask, count_region, trials};
 pub use layout::{reverse_bytes, set_positions, transpose};
 

@@ -18,6 +18,7 @@ use std::ops::Range;
 use crate::cpu::levels;
 use crate::elements;
 use crate::error::{Error, Result, check_shape};
+use crate::images::for_each_image;
 use crate::values::Values;
 use chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 
@@ -101,6 +102,26 @@ impl<'a> Readings<'a> {
         Ok(elements::sum(light.len(), ELEMENTS_PER_CHUNK, |index| {
             self.log_likelihood(&self.element(index), light[index])
         }))
+    }
+
+    /// Return ℓ of each of `images` images with the same number of elements.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the lengths of the arrays do not match.
+    pub fn values(&self, images: usize, light: &[f64]) -> Result<Vec<f64>> {
+        check_shape("light", self.len(), light.len())?;
+        let size = self.elements_of_image(images)?;
+        for_each_image(0..images, |image| {
+            let elements = image * size..(image + 1) * size;
+            self.part(elements.clone()).value(&light[elements])
+        })
+    }
+
+    /// Return the number of elements of each of `images` images.
+    fn elements_of_image(&self, images: usize) -> Result<usize> {
+        let size = self.len().checked_div(images).unwrap_or_default();
+        check_shape("elements of the images", images * size, self.len())?;
+        Ok(size)
     }
 
     /// Write ∂ℓ/∂s of each element into `gradient`, and −∂²ℓ/∂s² ≥ 0 into `curvature`.

@@ -11,6 +11,7 @@ use super::proximal_problem::{MAX_ITERATIONS, ProximalProblem};
 use super::{Readings, one_photon};
 use crate::admm::AdmmStep;
 use crate::error::{Result, check_shape};
+use crate::images::for_each_image;
 use crate::interrupt;
 use crate::values::check_positive;
 
@@ -55,12 +56,39 @@ impl Readings<'_> {
     }
 
     /// Update `x` and its dual by one ADMM iteration for −ℓ(x) subject to x = `light`. Return the
-    /// squared primal residual ‖light − x‖².
+    /// squared primal residual ‖light − x‖² of each image.
+    ///
+    /// The images have the same number of elements, and a step each.
     ///
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty or
     /// a relaxation that is not a finite number above 0, or for a `max_light` outside 0 to 10³⁰⁰.
     pub fn admm_update(
+        &self,
+        steps: &[AdmmStep],
+        max_light: f64,
+        light: &[f64],
+        x: &mut [f64],
+        dual: &mut [f64],
+    ) -> Result<Vec<f64>> {
+        check_shape("light", self.len(), light.len())?;
+        check_shape("light", self.len(), x.len())?;
+        check_shape("light", self.len(), dual.len())?;
+        let size = self.elements_of_image(steps.len())?;
+        // Images without elements have no chunks.
+        let parts = x.chunks_mut(size.max(1)).zip(dual.chunks_mut(size.max(1)));
+        for_each_image(
+            steps.iter().zip(parts).enumerate(),
+            |(image, (step, (x, dual)))| {
+                let elements = image * size..(image + 1) * size;
+                let readings = self.part(elements.clone());
+                readings.update_image(step, max_light, &light[elements], x, dual)
+            },
+        )
+    }
+
+    /// Update `x` and its dual for one image, and return its squared primal residual.
+    fn update_image(
         &self,
         step: &AdmmStep,
         max_light: f64,
@@ -68,9 +96,6 @@ impl Readings<'_> {
         x: &mut [f64],
         dual: &mut [f64],
     ) -> Result<f64> {
-        check_shape("light", self.len(), light.len())?;
-        check_shape("light", self.len(), x.len())?;
-        check_shape("light", self.len(), dual.len())?;
         step.check()?;
         let problem = ProximalProblem::new(step.penalty, max_light, ADMM_TOLERANCE)?;
         let squared_residuals: Vec<f64> = x

@@ -4,16 +4,16 @@ use num_integer::div_rem;
 use rayon::prelude::*;
 
 use super::{JotResponse, JotResponses, PixelResponse};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
 use crate::interrupt;
 use crate::likelihood::check_counts;
 use crate::values::Values;
 
-/// The number of ones of each jot over all frames. Arrays hold `(H·K̂) × (W·K̂)` values in
-/// row-major order.
+/// The number of ones of each jot over all frames, of one or more images. Maps hold
+/// `(H·K̂) × (W·K̂)` values in row-major order, which belong to each image.
 #[derive(Clone, Copy, Debug)]
 pub struct JotCounts<'a> {
-    /// The number of ones of each jot.
+    /// The number of ones of each jot, `(N, H·K̂, W·K̂)`.
     pub ones: &'a [i32],
     /// The response of each jot.
     pub responses: JotResponses<'a>,
@@ -82,22 +82,22 @@ impl PixelResponse {
     }
 }
 
-/// Write the maximum-likelihood estimate of each pixel into `out`, where jots may differ in their
-/// responses. `width` is the number of pixels per row.
+/// Write the maximum-likelihood estimate of each pixel into `out` `(N, H, W)`, where jots may differ
+/// in their responses. `size` are the height H and the width W of an image in pixels.
 ///
-/// This problem has no closed-form solution. The estimate maximizes the concave function
-/// `Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j))` over c in [0, S]. The sum is over the jots
-/// j of the pixel that are not dead, and `x_j = η_j α c / K + d_j` is the rate of jot j. A pixel
+/// This problem has no closed-form solution. The estimate maximizes the concave function of equation
+/// (4), `Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j))`, over c in [0, S]. The sum is over the
+/// jots j of the pixel that are not dead, and `x_j = η_j α c / K + d_j` is the rate of jot j. A pixel
 /// whose jots are all dead becomes NaN.
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside 0
-/// to the number of frames, an oversampling of 0, and parameters of the response that are not finite,
+/// to the number of frames, an oversampling of 0, a size that does not divide `out` into images, and parameters of the response that are not finite,
 /// or negative.
 pub fn from_jots(
     response: &PixelResponse,
     counts: &JotCounts<'_>,
-    width: usize,
+    size: (usize, usize),
     out: &mut [f32],
 ) -> Result<()> {
     response.check()?;
@@ -107,32 +107,36 @@ pub fn from_jots(
     }
     let jots = oversampling.checked_mul(oversampling);
     let jots = jots.and_then(|jots| jots.checked_mul(out.len()));
-    let jots = jots.filter(|&jots| jots == counts.ones.len());
-    let Some(jots) = jots else {
+    if jots != Some(counts.ones.len()) {
         let expected = format!("{} x {oversampling} x {oversampling}", out.len());
         return Err(Error::shape("ones", expected, counts.ones.len()));
-    };
+    }
     if out.is_empty() {
         return Ok(());
     }
-    if width == 0 || !out.len().is_multiple_of(width) {
-        let expected = format!("a divisor of the {} pixels", out.len());
-        return Err(Error::range("width", expected, width));
-    }
+    let pixels = size.0.checked_mul(size.1);
+    let pixels = pixels.filter(|&pixels| pixels > 0 && out.len().is_multiple_of(pixels));
+    let Some(pixels) = pixels else {
+        let expected = format!("images with {} pixels together", out.len());
+        return Err(Error::range("size", expected, format!("{size:?}")));
+    };
+    let jots = pixels * oversampling * oversampling;
     check_counts(counts.ones, Values::Same(f64::from(counts.frames)))?;
     counts.responses.check(jots)?;
-    if let Some(dead) = counts.dead
-        && dead.len() != jots
-    {
-        return Err(Error::shape("mask", jots, dead.len()));
+    if let Some(dead) = counts.dead {
+        check_shape("mask", jots, dead.len())?;
     }
+    let layout = Layout {
+        width: size.1,
+        jots,
+    };
     out.par_iter_mut()
         .enumerate()
         .for_each_init(Vec::new, |jots, (index, out)| {
             if interrupt::is_requested() {
                 return;
             }
-            collect_valid_jots(counts, div_rem(index, width), width, jots);
+            collect_valid_jots(counts, layout, index, jots);
             *out = if jots.is_empty() {
                 f32::NAN
             } else {
@@ -142,24 +146,29 @@ pub fn from_jots(
     Ok(())
 }
 
-/// Replace `jots` with the valid jots of the pixel at `(row, column)`: those that are not dead.
-fn collect_valid_jots(
-    counts: &JotCounts<'_>,
-    (row, column): (usize, usize),
+/// The number of pixels per row, and the number of jots per image.
+#[derive(Clone, Copy)]
+struct Layout {
     width: usize,
-    jots: &mut Vec<Jot>,
-) {
-    let oversampling = counts.oversampling;
+    jots: usize,
+}
+
+/// Replace `jots` with the valid jots of a pixel of all images: those that are not dead.
+fn collect_valid_jots(counts: &JotCounts<'_>, layout: Layout, pixel: usize, jots: &mut Vec<Jot>) {
+    let (oversampling, width) = (counts.oversampling, layout.width);
+    let (row, column) = div_rem(pixel, width);
     jots.clear();
     for jot_row in row * oversampling..(row + 1) * oversampling {
         let start = jot_row * width * oversampling + column * oversampling;
         for index in start..start + oversampling {
-            if counts.dead.is_none_or(|dead| !dead[index]) {
+            // The maps belong to each image.
+            let place = index % layout.jots;
+            if counts.dead.is_none_or(|dead| !dead[place]) {
                 let ones = f64::from(counts.ones[index]);
                 jots.push(Jot {
                     ones,
                     zeros: f64::from(counts.frames) - ones,
-                    response: counts.responses.get(index),
+                    response: counts.responses.get(place),
                 });
             }
         }

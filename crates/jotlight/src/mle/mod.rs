@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 use crate::cpu::levels;
 use crate::elementary::{ELEMENTS_PER_GROUP, minus_ln_1m};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
+use crate::images::for_each_image;
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::{Values, check_not_negative, check_positive};
 use crate::{elements, interrupt};
@@ -212,11 +213,12 @@ fn one_photon_intensities_inlined(
     }
 }
 
-/// Write the expected count of an equivalent pixel for each pixel into `out`. The expected counts
-/// are real numbers in [0, `reference_trials`].
+/// Write the expected count of an equivalent pixel for each pixel of some images into `out`. The
+/// images have the same number of pixels, and a number of `reference_trials` each. The expected
+/// counts are real numbers from 0 to this number.
 ///
 /// The equivalent pixel has the maximum-likelihood intensity of the actual pixel, but
-/// `reference_trials` readings, and jots with the response `reference`. Methods that combine pixels
+/// the reference number of readings, and jots with the response `reference`. Methods that combine pixels
 /// can therefore treat all pixels alike. A pixel without readings becomes NaN.
 ///
 /// # Errors
@@ -227,17 +229,20 @@ pub fn equivalent_counts(
     counts: &[i32],
     trials: Values<'_, f64>,
     jots: &JotResponses<'_>,
-    reference_trials: f64,
+    reference_trials: &[f64],
     reference: JotResponse,
     out: &mut [f32],
 ) -> Result<()> {
     response.check()?;
     reference.check()?;
-    check_not_negative("trials of equivalent pixels", &[reference_trials])?;
+    check_not_negative("trials of equivalent pixels", reference_trials)?;
     check_lengths(counts, trials, jots, out)?;
     check_counts(counts, trials)?;
+    let images = reference_trials.len();
+    let pixels = counts.len().checked_div(images).unwrap_or_default();
+    check_shape("pixels of the images", images * pixels, counts.len())?;
     let threshold = response.threshold;
-    elements::write(out, PIXELS_PER_CHUNK, |index| {
+    let expected_count = |index: usize, reference_trials: f64| {
         let (trials, jot) = (trials.get(index), jots.get(index));
         let fraction = f64::from(counts[index]) / trials;
         if trials == 0.0 {
@@ -250,8 +255,15 @@ pub fn equivalent_counts(
             let reference_rate = reference.efficiency * light + reference.dark_counts;
             (reference_trials * threshold.detection_probability(reference_rate)) as f32
         }
-    });
-    Ok(())
+    };
+    // Images without pixels have no chunks.
+    let images = out.chunks_mut(pixels.max(1)).zip(reference_trials);
+    for_each_image(images.enumerate(), |(image, (out, &reference_trials))| {
+        elements::write(out, PIXELS_PER_CHUNK, |pixel| {
+            expected_count(image * pixels + pixel, reference_trials)
+        });
+        Ok(())
+    })
 }
 
 fn check_lengths(

@@ -13,6 +13,7 @@ mod draw;
 mod likelihood;
 mod noise;
 mod poisson;
+mod rates;
 mod scores;
 mod sums;
 mod table;

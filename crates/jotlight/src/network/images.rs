@@ -1,9 +1,8 @@
 //! Several images in one call.
 
-use ndarray::{ArrayViewMut, Dimension};
-use rayon::prelude::*;
-
 use crate::error::{Error, Result};
+use crate::images::for_each_image;
+use ndarray::{ArrayViewMut, Dimension};
 
 /// The maximum number of pixels of images that are evaluated at the same time. Larger images have
 /// several tiles, which run in parallel, and more images at once would not fit into the caches.
@@ -28,12 +27,5 @@ pub fn write_images<Input: Send, D: Dimension>(
     large
         .into_iter()
         .try_for_each(|(input, out)| evaluate(input, out))?;
-    if small.len() == 1 {
-        return small
-            .into_iter()
-            .try_for_each(|(input, out)| evaluate(input, out));
-    }
-    small
-        .into_par_iter()
-        .try_for_each(|(input, out)| evaluate(input, out))
+    for_each_image(small, |(input, out)| evaluate(input, out))
 }

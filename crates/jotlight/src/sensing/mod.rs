@@ -21,9 +21,10 @@ pub(crate) use exposure::Exposure;
 
 use std::ops::Range;
 
-use ndarray::{ArrayView2, s};
+use ndarray::{ArrayView2, ArrayViewMut3, ArrayViewMut4, s};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
+use crate::images::for_each_image;
 use crate::likelihood::Threshold;
 use crate::rng::check_size;
 use crate::values::check_not_negative;
@@ -167,6 +168,29 @@ impl Sensor<'_> {
     pub(crate) fn is_dead(&self, row: usize, column: usize) -> bool {
         self.dead.is_some_and(|dead| dead[[row, column]])
     }
+}
+
+/// The seed and the channel of an image, which select its random numbers.
+pub type Stream = ([u8; 32], usize);
+
+/// Call `draw` for each image with its stream and its part of `out` `(N, …)`: [`expose`], for
+/// example, or [`crate::multibit::draw`].
+///
+/// # Errors
+/// [`Error::Shape`] if the numbers of images, streams, and parts differ, and those of `draw`.
+pub fn draw_images<T: Send + Sync>(
+    images: Vec<Image<'_>>,
+    streams: &[Stream],
+    mut out: ArrayViewMut4<'_, T>,
+    draw: impl Fn(Image<'_>, Stream, ArrayViewMut3<'_, T>) -> Result<()> + Send + Sync,
+) -> Result<()> {
+    check_shape("streams", images.len(), streams.len())?;
+    check_shape("out", images.len(), out.dim().0)?;
+    let images = images.into_iter().zip(streams);
+    for_each_image(
+        images.zip(out.outer_iter_mut()),
+        |((image, stream), out)| draw(image, *stream, out),
+    )
 }
 
 /// Return the numbers of rows and of columns of jots of an image.

@@ -1,7 +1,7 @@
 //! The linear operator G, which maps intensities to the light of the jots, and its exact adjoint
 //! (paper, sections 2.1 and 2.2.1).
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
 use num_integer::div_rem;
 use rayon::prelude::*;
 
@@ -10,7 +10,8 @@ use super::jots_of_pixels;
 use super::kernel::Kernel;
 use crate::bits::contiguous;
 use crate::border::mirror_index;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_shape};
+use crate::images::for_each_image;
 use crate::{interrupt, memory};
 
 /// The operator G, which spreads the intensities of an image over the jots.
@@ -33,18 +34,33 @@ impl SpreadOperator {
         }
     }
 
-    /// Write gain · G `image` into `out` `(H·K̂, W·K̂)`.
+    /// Write gain · G of each image `(N, H, W)` into `out` `(N, H·K̂, W·K̂)`.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the images are
     /// empty.
     pub fn forward(
         &self,
         gain: f64,
+        images: ArrayView3<'_, f64>,
+        mut out: ArrayViewMut3<'_, f64>,
+    ) -> Result<()> {
+        self.check_shapes(images.dim(), out.dim())?;
+        for_each_image(
+            images.outer_iter().zip(out.outer_iter_mut()),
+            |(image, out)| {
+                self.write_forward(gain, image, out);
+                Ok(())
+            },
+        )
+    }
+
+    fn write_forward(
+        &self,
+        gain: f64,
         image: ArrayView2<'_, f64>,
         mut out: ArrayViewMut2<'_, f64>,
-    ) -> Result<()> {
-        self.check_shapes(image.dim(), out.dim())?;
+    ) {
         let width = out.ncols();
         out.axis_iter_mut(Axis(0))
             .into_par_iter()
@@ -65,47 +81,65 @@ impl SpreadOperator {
                     *out = gain * light;
                 }
             });
-        Ok(())
     }
 
-    /// Write gain · Gᵀ `jots` into `out` `(H, W)`.
+    /// Write gain · Gᵀ of the jots `(N, H·K̂, W·K̂)` of each image into `out` `(N, H, W)`.
     ///
     /// The adjoint is exact: ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ up to rounding. This includes the symmetric
     /// continuation at the border.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the images are
     /// empty.
     pub fn adjoint(
         &self,
         gain: f64,
-        jots: ArrayView2<'_, f64>,
-        out: ArrayViewMut2<'_, f64>,
+        jots: ArrayView3<'_, f64>,
+        mut out: ArrayViewMut3<'_, f64>,
     ) -> Result<()> {
         self.check_shapes(out.dim(), jots.dim())?;
-        self.apply_adjoint(gain, out, |row, light| {
-            light.clear();
-            light.extend_from_slice(&contiguous(jots.row(row)));
-        })
+        for_each_image(
+            jots.outer_iter().zip(out.outer_iter_mut()),
+            |(jots, out)| {
+                self.apply_adjoint(gain, out, |row, light| {
+                    light.clear();
+                    light.extend_from_slice(&contiguous(jots.row(row)));
+                })
+            },
+        )
     }
 
-    /// Write gain² · Gᵀ diag(weights) G `image` into `out` `(H, W)`.
+    /// Write gain² · Gᵀ diag(weights) G of each image `(N, H, W)` into `out` `(N, H, W)`.
     ///
-    /// The intermediate result G `image` is not stored: each row of jots is computed when it is
+    /// The intermediate result G `images` is not stored: each row of jots is computed when it is
     /// needed.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the images are
     /// empty.
     pub fn normal(
+        &self,
+        gain: f64,
+        weights: ArrayView3<'_, f64>,
+        images: ArrayView3<'_, f64>,
+        mut out: ArrayViewMut3<'_, f64>,
+    ) -> Result<()> {
+        self.check_shapes(images.dim(), weights.dim())?;
+        self.check_shapes(out.dim(), weights.dim())?;
+        let images = weights.outer_iter().zip(images.outer_iter());
+        for_each_image(
+            images.zip(out.outer_iter_mut()),
+            |((weights, image), out)| self.write_normal(gain, weights, image, out),
+        )
+    }
+
+    fn write_normal(
         &self,
         gain: f64,
         weights: ArrayView2<'_, f64>,
         image: ArrayView2<'_, f64>,
         out: ArrayViewMut2<'_, f64>,
     ) -> Result<()> {
-        self.check_shapes(image.dim(), weights.dim())?;
-        self.check_shapes(out.dim(), weights.dim())?;
         self.apply_adjoint(gain * gain, out, |row, light| {
             filter_row(
                 &self.vertical,
@@ -196,16 +230,17 @@ impl SpreadOperator {
         }
     }
 
-    fn check_shapes(&self, image: (usize, usize), jots: (usize, usize)) -> Result<()> {
-        if image.0 == 0 || image.1 == 0 {
-            let received = format!("{} x {}", image.0, image.1);
+    /// Check the shapes of images `(N, H, W)` and of their jots `(N, H·K̂, W·K̂)`.
+    fn check_shapes(
+        &self,
+        (number, height, width): (usize, usize, usize),
+        jots: (usize, usize, usize),
+    ) -> Result<()> {
+        if height == 0 || width == 0 {
+            let received = format!("{height} x {width}");
             return Err(Error::range("image", "at least one pixel", received));
         }
-        let expected = jots_of_pixels(image, &self.vertical, &self.horizontal)?;
-        if jots == expected {
-            Ok(())
-        } else {
-            Err(Error::shape("jots", expected, jots))
-        }
+        let (rows, columns) = jots_of_pixels((height, width), &self.vertical, &self.horizontal)?;
+        check_shape("jots", (number, rows, columns), jots)
     }
 }

@@ -181,13 +181,14 @@ fn empty_arrays_are_errors_or_lead_to_empty_results() -> Result<()> {
         oversampling,
     };
     let mut out = [0.0];
-    for (oversampling, width, expected) in [
-        (1, 0, "width"),
-        (0, 1, "oversampling"),
-        (usize::MAX, 1, "ones"),
-        (1, usize::MAX, "width"),
+    for (oversampling, size, expected) in [
+        (1, (1, 0), "size"),
+        (0, (1, 1), "oversampling"),
+        (usize::MAX, (1, 1), "ones"),
+        (1, (1, usize::MAX), "size"),
+        (1, (2, usize::MAX), "size"),
     ] {
-        let result = from_jots(&response(1.0)?, &counts(oversampling), width, &mut out);
+        let result = from_jots(&response(1.0)?, &counts(oversampling), size, &mut out);
         assert_eq!(argument(result), expected);
     }
     Ok(())
@@ -291,15 +292,15 @@ fn images_beyond_the_memory_are_errors() -> Result<()> {
     let image = huge(&zero, size)?;
     let differences = image.insert_axis(Axis(0));
     let differences = differences
-        .broadcast((2, size, size))
+        .broadcast((1, 2, size, size))
         .ok_or(Error::Interrupted)?;
-    let columns = differences.slice(s![.., .., ..0]);
+    let columns = differences.slice(s![.., .., .., ..0]);
     let total = tv::total_variation(columns, Values::Same(1.0), Norm::Isotropic);
     assert_eq!(argument(total), "image");
     let box_kernel = Kernel::new(0, 4096)?;
     let spread = SpreadOperator::new(box_kernel.clone(), box_kernel);
-    let mut out = Array2::zeros((1 << 14, 1 << 14));
-    let jots = huge(&zero, 1 << 26)?;
+    let mut out = Array3::zeros((1, 1 << 14, 1 << 14));
+    let jots = huge(&zero, 1 << 26)?.insert_axis(Axis(0));
     assert_eq!(
         argument(spread.adjoint(1.0, jots, out.view_mut())),
         "rows of jots"

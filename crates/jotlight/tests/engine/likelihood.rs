@@ -211,14 +211,47 @@ fn an_admm_update_is_a_proximal_map_and_a_dual_step() -> Result<()> {
         let points: Vec<f64> = data.light.iter().copied().map(relaxed).collect();
         let mut expected = points.clone();
         readings.proximal(step.penalty, max_light, &x, &mut expected)?;
-        let residual = readings.admm_update(&step, max_light, &data.light, &mut x, &mut dual)?;
+        let residuals = readings.admm_update(&[step], max_light, &data.light, &mut x, &mut dual)?;
         let mut sum = 0.0;
         for i in 0..150 {
             assert!((x[i] - expected[i]).abs() < 1e-5, "q = {q}, {i}");
             assert!((dual[i] - (points[i] - x[i])).abs() < 1e-12);
             sum += (data.light[i] - x[i]).powi(2);
         }
-        assert!((residual - sum).abs() < 1e-9 * sum);
+        assert!((residuals[0] - sum).abs() < 1e-9 * sum);
+    }
+    Ok(())
+}
+
+#[test]
+fn the_images_of_a_stack_are_independent() -> Result<()> {
+    let data = Data::new(150);
+    let steps = [2.0, 0.5, 7.0].map(|penalty| AdmmStep {
+        penalty,
+        relaxation: 1.6,
+    });
+    for q in [1, 3] {
+        let readings = data.readings(q)?;
+        let values = readings.values(3, &data.light)?;
+        let (mut x, mut dual) = (vec![0.7; 150], vec![0.1; 150]);
+        let residuals = readings.admm_update(&steps, 4.0, &data.light, &mut x, &mut dual)?;
+        for image in 0..3 {
+            let elements = 50 * image..50 * (image + 1);
+            let (part, light) = (
+                readings.part(elements.clone()),
+                &data.light[elements.clone()],
+            );
+            assert_eq!(part.value(light)?.to_bits(), values[image].to_bits());
+            let (mut own_x, mut own_dual) = (vec![0.7; 50], vec![0.1; 50]);
+            let own = &steps[image..=image];
+            let residual = part.admm_update(own, 4.0, light, &mut own_x, &mut own_dual)?;
+            assert_eq!(residual[0].to_bits(), residuals[image].to_bits());
+            assert_eq!(
+                (&own_x[..], &own_dual[..]),
+                (&x[elements.clone()], &dual[elements])
+            );
+        }
+        assert!(readings.values(4, &data.light).is_err());
     }
     Ok(())
 }

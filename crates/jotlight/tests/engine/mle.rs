@@ -103,7 +103,7 @@ fn estimates_from_equal_jots_agree_with_those_from_counts() -> Result<()> {
             oversampling: 2,
         };
         let mut from_jots = [0.0; 6];
-        mle::from_jots(&response(q)?, &counts, 3, &mut from_jots)?;
+        mle::from_jots(&response(q)?, &counts, (2, 3), &mut from_jots)?;
         // Each pixel covers two rows of jots with equal counts.
         let sums = [2, 10, 18, 2, 10];
         let mut from_counts = [0.0; 5];
@@ -136,7 +136,7 @@ fn estimates_from_unequal_jots_solve_the_score_equation() -> Result<()> {
             ..response(q)?
         };
         let mut out = [0.0];
-        mle::from_jots(&response, &counts, 1, &mut out)?;
+        mle::from_jots(&response, &counts, (1, 1), &mut out)?;
         let (mut score, mut scale) = (0.0, 0.0);
         for (&ones, efficiency) in ones.iter().zip(efficiency) {
             let rate = efficiency * 1.3 * f64::from(out[0]) + 0.01;
@@ -165,7 +165,7 @@ fn equivalent_counts_of_reference_jots_are_the_counts() -> Result<()> {
         &[4, 6, 0],
         trials,
         &same(jot),
-        16.0,
+        &[16.0],
         jot,
         &mut out,
     )?;
@@ -178,12 +178,60 @@ fn equivalent_counts_of_reference_jots_are_the_counts() -> Result<()> {
         &[4, 6, 0],
         trials,
         &same(jot),
-        16.0,
+        &[16.0],
         IDEAL,
         &mut ideal,
     )?;
     let light = (-(1.0f64 - 0.25).ln() - 0.02) / 0.5;
     assert!((f64::from(ideal[0]) - 16.0 * (1.0 - (-light).exp())).abs() < 1e-5);
+    Ok(())
+}
+
+#[test]
+fn the_images_of_a_stack_have_their_own_reference_trials() -> Result<()> {
+    let (mut out, jot) = ([0.0; 4], IDEAL);
+    let (trials, references) = (Values::Same(8.0), [16.0, 4.0]);
+    let counts = [4, 6, 4, 6];
+    let equivalent = |references: &[f64], out: &mut [f32]| {
+        mle::equivalent_counts(
+            &response(1)?,
+            &counts,
+            trials,
+            &same(jot),
+            references,
+            jot,
+            out,
+        )
+    };
+    equivalent(&references, &mut out)?;
+    assert_eq!(out[..], [8.0, 12.0, 2.0, 3.0]);
+    assert!(equivalent(&[1.0; 3], &mut out).is_err());
+    assert!(equivalent(&[], &mut out).is_err());
+    Ok(())
+}
+
+#[test]
+fn maps_of_jots_belong_to_each_image_of_a_stack() -> Result<()> {
+    let ones: Vec<i32> = (0..16).map(|jot| jot * 5 % 6).collect();
+    let efficiency = [0.9, 0.3, 0.7, 0.5, 0.8, 0.4, 0.6, 1.0];
+    let dead = [false, false, true, false, false, false, false, false];
+    let counts = |ones| JotCounts {
+        ones,
+        responses: JotResponses {
+            efficiency: Values::Each(&efficiency),
+            dark_counts: Values::Same(0.01),
+        },
+        dead: Some(&dead),
+        frames: 5,
+        oversampling: 2,
+    };
+    let (mut all, mut single) = ([0.0; 4], [0.0; 4]);
+    mle::from_jots(&response(1)?, &counts(&ones), (1, 2), &mut all)?;
+    for (ones, out) in ones.chunks(8).zip(single.chunks_mut(2)) {
+        mle::from_jots(&response(1)?, &counts(ones), (1, 2), out)?;
+    }
+    assert_eq!(all[..], single[..]);
+    assert!(mle::from_jots(&response(1)?, &counts(&ones), (2, 2), &mut all).is_err());
     Ok(())
 }
 
@@ -225,7 +273,7 @@ fn estimates_from_jots_end_for_any_response() -> Result<()> {
             ..response(3)?
         };
         let mut out = [-1.0];
-        mle::from_jots(&response, &counts, 1, &mut out)?;
+        mle::from_jots(&response, &counts, (1, 1), &mut out)?;
         assert!((0.0..=max_intensity as f32).contains(&out[0]));
     }
     Ok(())

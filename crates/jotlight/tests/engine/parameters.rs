@@ -15,7 +15,7 @@ use jotlight::sensing::{
 };
 use jotlight::tv::{self, Norm};
 use jotlight::values::Values;
-use ndarray::{Array2, Array3, array};
+use ndarray::{Array2, Array3, Array4, array};
 
 use crate::model::{identity, sensor};
 
@@ -132,7 +132,7 @@ fn estimates_of_impossible_sensors_are_errors() -> Result<()> {
             frames: 16,
             oversampling: 1,
         };
-        from_jots(response, &jots, 1, &mut [0.0; 2])
+        from_jots(response, &jots, (1, 2), &mut [0.0; 2])
     };
     assert_response_is_checked(|response| estimate(&response, jots(known, known)))?;
     assert_jots_are_checked(|first, second| estimate(&own.response, jots(first, second)));
@@ -146,7 +146,7 @@ fn estimates_of_impossible_sensors_are_errors() -> Result<()> {
             &counts,
             all,
             &jots,
-            trials,
+            &[trials],
             reference,
             &mut [0.0; 2],
         )
@@ -277,21 +277,21 @@ fn impossible_parameters_of_iterations_are_errors() -> Result<()> {
     let (q, all) = (Threshold::new(1)?, Values::Same(16.0));
     let readings = Readings::new(q, &[3, 4], all, Values::Same(1.0), Values::Same(0.0))?;
     let weigh = |weight: Values<'_, f64>| {
-        let mut planes = Array3::from_elem((2, 1, 2), 0.5);
+        let mut planes = Array4::from_elem((1, 2, 1, 2), 0.5);
         tv::total_variation(planes.view(), weight, Norm::Isotropic)?;
         let step = AdmmStep {
             penalty: 1.0,
             relaxation: 1.5,
         };
-        let (image, mut x, mut dual) = (Array2::zeros((1, 2)), planes.clone(), planes.clone());
+        let (image, mut x, mut dual) = (Array3::zeros((1, 1, 2)), planes.clone(), planes.clone());
         let (x, dual) = (x.view_mut(), dual.view_mut());
-        tv::admm_update(&step, weight, Norm::Isotropic, image.view(), x, dual)?;
+        tv::admm_update(&[step], weight, Norm::Isotropic, image.view(), x, dual)?;
         tv::shrink(planes.view_mut(), Values::Same(0.0), Norm::Isotropic)
     };
     assert_refused("weight", true, |weight| weigh(Values::Same(weight)));
     assert_refused("weight", true, |weight| weigh(Values::Each(&[1.0, weight])));
     assert_refused("threshold", true, |threshold| {
-        let mut planes = Array3::zeros((2, 1, 2));
+        let mut planes = Array4::zeros((1, 2, 1, 2));
         tv::shrink(
             planes.view_mut(),
             Values::Same(threshold),
@@ -304,7 +304,7 @@ fn impossible_parameters_of_iterations_are_errors() -> Result<()> {
             relaxation,
         };
         let (mut x, mut dual) = ([0.1; 2], [0.0; 2]);
-        readings.admm_update(&step, 1.0, &[0.1; 2], &mut x, &mut dual)
+        readings.admm_update(&[step], 1.0, &[0.1; 2], &mut x, &mut dual)
     };
     assert_refused("penalty", false, |penalty| update(penalty, 1.5));
     assert_refused("relaxation", false, |relaxation| update(1.0, relaxation));

@@ -130,7 +130,7 @@ impl Reconstruction<'_> {
             counts.as_slice().unwrap_or_default(),
             pixels.trials,
             &pixels.jots,
-            f64::from(of),
+            &[f64::from(of)],
             reference,
             out.as_slice_mut().unwrap_or_default(),
         )?;

@@ -8,6 +8,7 @@ use super::rotations::mean_of_rotations;
 use super::{Network, Served};
 use crate::bits::PackedBits;
 use crate::error::{Error, Result};
+use crate::images::for_each_image;
 use crate::network::forward;
 use crate::network::images::write_images;
 use crate::network::layer::Layer;
@@ -89,18 +90,18 @@ impl Network {
         })
     }
 
-    /// Return the sums of the first layer from bits with dead jots ([`crate::network::masked_sums`]),
-    /// for a network for one sensor.
+    /// Return the sums of the first layer for the bits of each image, whose dead jots are the same
+    /// ([`crate::network::masked_sums`]), for a network for one sensor.
     ///
     /// # Errors
     /// Those of that function.
     pub fn masked_sums(
         &self,
-        bits: &PackedBits<'_>,
+        images: &[PackedBits<'_>],
         valid: ArrayView2<'_, u8>,
-    ) -> Result<Array3<f32>> {
+    ) -> Result<Vec<Array3<f32>>> {
         let layers = self.layers_for(self.own_trials()?, false)?;
-        forward::masked_sums(&layers[0], bits, valid)
+        for_each_image(images, |bits| forward::masked_sums(&layers[0], bits, valid))
     }
 
     /// Return K of a network for one sensor.
