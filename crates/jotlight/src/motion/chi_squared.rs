@@ -1,6 +1,6 @@
 //! A χ² test of whether the counts of a block of frames agree with a template.
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
 use super::boxes::{
@@ -19,7 +19,8 @@ use crate::interrupt;
 /// The number of rows that one task computes.
 pub(super) const ROWS_PER_TASK: usize = 64;
 
-/// The number of pixels that χ² reads in each direction: 1 for the small, and 4 for the large box.
+/// The number of pixels that χ² reads in each direction: 1 for the squares of side 3, and 4 for those
+/// of side 9.
 const RADIUS: usize = 5;
 
 /// Counts of a block of frames, and the template to which they are compared.
@@ -36,10 +37,10 @@ pub struct Comparison<'a, C = i32> {
 /// Write χ² of each pixel into `out`. It is about 1 if the counts agree with the template.
 ///
 /// N, D, and D p are the counts with a few more ones and zeros, 0.02 each. The residual counts
-/// N/β − D p and their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of 3 pixels. A pixel
+/// N/β − D p and their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of 3 × 3 pixels. A pixel
 /// that a square contains m times, because the image is reflected, adds m² times its variance. The
-/// ratio of the squared residual to the variance is averaged over those of 9 pixels that have
-/// trials, and over one more pixel whose ratio is 1. β is the brightness of the block, the ratio of
+/// ratio of the squared residual to the variance is averaged over the pixels with trials in a square
+/// of 9 × 9 pixels, and over one more pixel whose ratio is 1. β is the brightness of the block, the ratio of
 /// Σ N to Σ D p.
 ///
 /// # Errors
@@ -135,17 +136,21 @@ fn test_band_inlined<C: Count>(
         let [ratios, numbers] = large
             .each_ref()
             .map(|large| [0, 3, 6].map(|k| large.row(index + k)));
-        let mut out = out.row_mut(index);
-        if let Some(out) = out.as_slice_mut() {
-            average(ratios, numbers, out);
-        } else {
-            let mut row = vec![0.0; width];
-            average(ratios, numbers, &mut row);
-            out.iter_mut()
-                .zip(row)
-                .for_each(|(out, value)| *out = value);
-        }
+        write_averages(ratios, numbers, out.row_mut(index));
     }
+}
+
+/// Write the results of [`average`] into a row of an image.
+#[inline(always)]
+fn write_averages(ratios: [&[f32]; 3], numbers: [&[f32]; 3], mut out: ArrayViewMut1<'_, f32>) {
+    if let Some(out) = out.as_slice_mut() {
+        return average(ratios, numbers, out);
+    }
+    let mut row = vec![0.0; out.len()];
+    average(ratios, numbers, &mut row);
+    out.iter_mut()
+        .zip(row)
+        .for_each(|(out, value)| *out = value);
 }
 
 /// Divide the squared sums of three rows of residuals by the weighted sums of their variances.

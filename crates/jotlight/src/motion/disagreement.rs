@@ -31,7 +31,7 @@ const LANES: usize = 16;
 /// A pixel disagrees by (Σ N₁D₂ − β N₂D₁)² / v, about 1 if both agree. β is the ratio of the brightness
 /// of the first part to that of the second. p = Σ(N₁ + N₂) / Σ(D₁ + D₂/β) is the probability of a one
 /// in the first part, so p/β is that in the second. v = p Σ D₁D₂[D₂(1 − p) + D₁(β − p)] is the
-/// variance of the difference. These are sums over squares of 3 pixels. A pixel that a square contains
+/// variance of the difference. These are sums over squares of 3 × 3 pixels. A pixel that a square contains
 /// m times, because the image is reflected, adds m² times its variance. Pixels without trials of both
 /// disagree by 0.
 ///

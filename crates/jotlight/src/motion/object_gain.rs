@@ -100,8 +100,8 @@ pub fn add_object_gain<C: Count>(
 
 /// Set `out` to true where pixels are behind a segment in front.
 ///
-/// Those are the pixels where the pixel of such a segment at the same position has its label. Each
-/// segment is given by its label, and how far its pixels are away.
+/// A segment in front is stated by its label, and by how far its pixels are from those of `out` that
+/// have the same positions. It covers a pixel if its pixel at this position has its label in `labels`.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match.

@@ -25,7 +25,7 @@ pub const RATIO_OF_PASS: f64 = 16.0;
 /// A region is widened by the halo of the network divided by this number. What lies farther away in
 /// the receptive field hardly changes estimates, and the weights of a level tend to 0 at the border
 /// of its region.
-const SHARE_OF_HALO: usize = 3;
+const HALO_DIVISOR: usize = 3;
 
 /// The parts of some images at which the network runs for one level, and their weights.
 struct Part<'a> {
@@ -100,7 +100,7 @@ impl Denoiser<'_> {
         fractions: &[ArrayView2<'_, f32>],
         groups: impl IntoIterator<Item = (Vec<usize>, &'t LocalTrials)>,
     ) -> Result<Vec<Array2<f32>>> {
-        let halo = self.network.halo().div_ceil(SHARE_OF_HALO);
+        let halo = self.network.halo().div_ceil(HALO_DIVISOR);
         let mut levels: BTreeMap<u32, Vec<Level>> = BTreeMap::new();
         for (images, trials) in groups {
             match trials {
@@ -259,14 +259,16 @@ fn add_change(
         });
 }
 
-/// Return the angle whose noise is 1/(4K): arcsin √((L + ⅜)/(K + ¾)).
+/// Return the angle arcsin √((L + ⅜)/(K + ¾)) of a fraction L/K, whose noise has the variance 1/(4K).
+///
+/// It is T(L) of equation (6) without its factor √(K + ½), see [`crate::vst::transform`].
 fn stabilize(fraction: f32, trials: f32) -> f32 {
     ((fraction * trials + 0.375) / (trials + 0.75))
         .sqrt()
         .asin()
 }
 
-/// Return the inverse of [`stabilize`].
+/// Return the inverse of [`stabilize`]: T⁻¹ of equation (7), divided by K, for this angle.
 fn fraction_of(angle: f32, trials: f32) -> f32 {
     (angle.sin().powi(2) * (trials + 0.75) - 0.375) / trials
 }

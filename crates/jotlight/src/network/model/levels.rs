@@ -32,8 +32,8 @@ const MIN_SHARE: f64 = 0.03;
 const NEAR: f64 = 0.99;
 
 /// A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is at
-/// most [`MAX_GAP`]. Its pixels get the next lower level. Those of the lowest level get the next higher
-/// one, which is at most √2 times as large.
+/// most [`MAX_GAP`]. Its pixels get the next lower level. There is none below the lowest level, whose
+/// pixels get the next higher one. That one is at most √2 times as large.
 const FEW_PIXELS: f64 = 0.002;
 
 /// See [`FEW_PIXELS`].
