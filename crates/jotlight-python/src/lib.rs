@@ -1,7 +1,9 @@
 //! The Python module `jotlight._engine`: the binding of the engine.
 //!
 //! Each function converts its arguments, releases the GIL, and calls a function of the crate
-//! `jotlight`, which documents it. The modules have the names of the modules of `jotlight`.
+//! `jotlight`, which documents it. The modules have the names of the modules of `jotlight`, except
+//! `arguments`, which converts arguments, and `motion_fits` and `motion_sums`, which are parts of
+//! `motion`.
 #![allow(missing_docs)]
 #![allow(
     clippy::too_many_arguments,

@@ -19,7 +19,8 @@
 //!    and applies the linear operator G (section 2.1, equations (1) to (3)).
 //! 2. `rng` generates the random numbers of the simulated bits.
 //! 3. [`bits`] reads packed bits and counts the ones of each pixel.
-//! 4. [`motion`] counts bits that follow a moving scene, and estimates how it moves.
+//! 4. [`motion`] counts bits that follow a moving scene. It computes the scores, equations, and tests
+//!    with which the Python package estimates motions.
 //!
 //! The estimators without training:
 //!

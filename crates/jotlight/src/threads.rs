@@ -104,8 +104,12 @@ struct Pool {
 /// Run `work` on `threads` threads and return its result. `None` means one thread for each core that
 /// the process had at its first call.
 ///
-/// Concurrent calls use separate threads. `work` must not call this function. The calling thread may
-/// become a member of a pool of rayon for the rest of its life, so its own parallel iterators run there.
+/// The calling thread may become a member of a pool of rayon for the rest of its life. From then on,
+/// its own parallel iterators run on these threads, also outside of this function. If your program has
+/// its own pool, call the functions of this crate in that pool, without this one: they run on the pool
+/// of their caller.
+///
+/// Concurrent calls use separate threads. `work` must not call this function.
 ///
 /// # Errors
 /// [`Error::Range`] for a number of threads that is not 1 to 1024, [`Error::Threads`] if the system

@@ -17,6 +17,11 @@
 //!
 //! Functions are generic over `f32` and `f64`. Images are computed in `f32`. Tests use `f64` for
 //! accurate reference values.
+//!
+//! Reconstructions need [`Network`], [`SensorModel`], and [`Reconstruction`] only. The Python package
+//! combines networks in other ways, and needs some of their parts: [`level_range`], [`level_weights`],
+//! [`local_trials`], [`conditioning_weights`], [`BRIGHT`], [`RATIO_OF_PASS`], [`write_images`],
+//! [`Compiled`], [`Network::conditioned`], [`Network::run_counts`], and [`Network::denoise`].
 
 mod compiled;
 mod convolution;
