@@ -10,6 +10,8 @@ use super::chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 use super::proximal_problem::{MAX_ITERATIONS, ProximalProblem};
 use super::{Readings, one_photon};
 use crate::admm::AdmmStep;
+#[cfg(doc)]
+use crate::error::Error;
 use crate::error::{Result, check_shape};
 use crate::images::for_each_image;
 use crate::interrupt;

@@ -5,6 +5,8 @@ use rayon::prelude::*;
 
 use crate::bits::{contiguous, packed_width};
 use crate::cpu::levels;
+#[cfg(doc)]
+use crate::error::Error;
 use crate::error::{Result, check_shape};
 
 /// The number of rows that one task adds.

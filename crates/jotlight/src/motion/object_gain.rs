@@ -8,6 +8,8 @@ use super::lines::BLOCK;
 use super::relative::{OUTSIDE, Relative};
 use super::rounding::max;
 use super::sums::check_counts;
+#[cfg(doc)]
+use crate::error::Error;
 use crate::error::{Result, check_shape};
 use crate::interrupt;
 
