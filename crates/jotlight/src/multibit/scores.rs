@@ -62,8 +62,7 @@ impl<'a> ScoreTable<'a> {
     }
 
     fn interpolate(&self, nodes: &Nodes, place: &Place, reading: u32) -> Option<(f64, f64)> {
-        let start = place.first.checked_sub(nodes.first)?;
-        let known = nodes.known.get(start..start + NODES)?;
+        let known = place.of_nodes(&nodes.known, nodes.first)?;
         let (mut score, mut curvature) = (0.0, 0.0);
         for (index, (weight, node)) in place.weights.iter().zip(known).enumerate() {
             let [one, two] = node.get_or_init(|| {
@@ -124,7 +123,9 @@ mod tests {
             let table = ScoreTable::new(&response);
             for reading in [0, 1, 2, 7, 100, 4095, 4096, top - 1, top] {
                 let level = f64::from(reading + threshold - 1);
-                for rate in [1e-80, 3e-12, 1e-5, 0.03, 0.7, 4.1, 17.3, 101.0, 4090.0] {
+                for rate in [
+                    1e-80, 3e-12, 1e-5, 0.03, 0.7, 4.1, 17.3, 101.0, 4090.0, 1e40,
+                ] {
                     let (score, curvature) = table.at(rate)(reading.min(top));
                     let exact = response.score_and_curvature(reading.min(top), rate);
                     let size = (level / rate).max(1.0);

@@ -35,6 +35,12 @@ impl Place {
             }
         })
     }
+
+    /// Return the nodes of the place among those from number `start` on, if all of them are there.
+    pub fn of_nodes<'n, T>(&self, nodes: &'n [T], start: usize) -> Option<&'n [T]> {
+        let first = self.first.checked_sub(start)?;
+        nodes.get(first..)?.get(..NODES)
+    }
 }
 
 /// `N` functions of the rate.
@@ -45,7 +51,7 @@ pub struct RateTable<F, const N: usize> {
 
 impl<F: Fn(f64) -> [f64; N] + Sync, const N: usize> RateTable<F, N> {
     /// Return a table of functions up to a rate. Beyond it, the functions themselves are used.
-    pub fn new(functions: F, highest: f64) -> Self {
+    pub(super) fn new(functions: F, highest: f64) -> Self {
         let length = node_at(highest) + NODES;
         let nodes = (0..length).map(|_| OnceLock::new()).collect();
         Self { functions, nodes }
@@ -53,13 +59,14 @@ impl<F: Fn(f64) -> [f64; N] + Sync, const N: usize> RateTable<F, N> {
 
     /// Return the values of the functions at a rate.
     pub fn at(&self, s: f64) -> [f64; N] {
-        let is_inside = |place: &Place| place.first + NODES <= self.nodes.len();
-        let Some(place) = Place::of(s).filter(is_inside) else {
+        let place = Place::of(s);
+        let near = place.and_then(|place| Some((place.of_nodes(&self.nodes, 0)?, place)));
+        let Some((nodes, place)) = near else {
             return (self.functions)(s);
         };
         let mut values = [0.0; N];
-        for (weight, node) in place.weights.iter().zip(place.first..) {
-            let known = self.nodes[node].get_or_init(|| (self.functions)(rate_at(node)));
+        for ((weight, node), number) in place.weights.iter().zip(nodes).zip(place.first..) {
+            let known = node.get_or_init(|| (self.functions)(rate_at(number)));
             for (value, known) in values.iter_mut().zip(known) {
                 *value += weight * known;
             }
@@ -132,7 +139,7 @@ mod tests {
         let functions = |s: f64| [s, 1.0 / s, (2.0 * s.sqrt()).sin()];
         let table = RateTable::new(functions, 1e4);
         for s in [
-            1e-300, 1e-12, 2e-12, 1e-6, 0.01, 0.3, 1.0, 7.0, 300.0, 9e3, 1e6,
+            1e-300, 1e-12, 2e-12, 1e-6, 0.01, 0.3, 1.0, 7.0, 300.0, 9e3, 1e6, 1e40,
         ] {
             for (found, exact) in table.at(s).into_iter().zip(functions(s)) {
                 assert!(
