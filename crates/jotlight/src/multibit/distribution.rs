@@ -17,6 +17,7 @@ impl Response {
         let inside = out.len().min(top.saturating_sub(first) as usize);
         let start = self.lowest + i64::from(first);
         match &self.noise {
+            _ if s.is_nan() => out[..inside].fill(s),
             _ if s == f64::INFINITY => {}
             Some(noise) => add_levels(noise, start, s, &mut out[..inside]),
             None if s <= 0.0 => {}

@@ -7,6 +7,8 @@
 //! The probability of each reading is log-concave in s: the weights P(L = l | Y = y) are
 //! log-concave in y, and the average over a Poisson distribution preserves this. So the likelihood
 //! of several readings has one maximum.
+//!
+//! Functions of the rate s are NaN for NaN. At an infinite rate, they are their limits.
 
 mod distribution;
 mod draw;
@@ -17,6 +19,8 @@ mod rates;
 mod scores;
 mod sums;
 mod table;
+#[cfg(test)]
+mod tests;
 
 use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
@@ -31,6 +35,9 @@ pub use table::RateTable;
 
 /// The smallest rate at which derivatives are evaluated.
 const MIN_RATE: f64 = 1e-100;
+
+/// The smallest logarithm of a probability whose difference to another one has ten digits.
+const MIN_LOGARITHM: f64 = -1e5;
 
 /// How a jot turns photons into a reading.
 #[derive(Clone, Debug)]
@@ -100,6 +107,9 @@ impl Response {
     #[must_use]
     pub fn ln_probability(&self, reading: u32, s: f64) -> f64 {
         let level = self.level(reading);
+        if s.is_nan() {
+            return s;
+        }
         if s == f64::INFINITY {
             let is_highest = matches!(level, Level::AtLeast(_));
             return if is_highest { 0.0 } else { f64::NEG_INFINITY };
@@ -120,8 +130,15 @@ impl Response {
     /// Return d log P(R = `reading`)/ds and −d² log P(R = `reading`)/ds².
     #[must_use]
     pub fn score_and_curvature(&self, reading: u32, s: f64) -> (f64, f64) {
-        let s = s.max(MIN_RATE);
         let level = self.level(reading);
+        if s.is_nan() {
+            return (s, s);
+        }
+        if s == f64::INFINITY {
+            let is_highest = matches!(level, Level::AtLeast(_));
+            return (if is_highest { 0.0 } else { -1.0 }, 0.0);
+        }
+        let s = s.max(MIN_RATE);
         let Some(noise) = &self.noise else {
             return match level {
                 Level::Exactly(l) => (l as f64 / s - 1.0, l as f64 / s / s),
@@ -133,17 +150,21 @@ impl Response {
                 Level::AtLeast(_) => self.thresholds[1].detection_score_and_curvature(s),
             };
         };
+        let from_moments = || {
+            let (first, second) = moments(noise, level, s);
+            (first - 1.0, (first * first - second).max(0.0))
+        };
         let (l, sign) = match level {
-            Level::Exactly(_) => {
-                let (first, second) = moments(noise, level, s);
-                return (first - 1.0, (first * first - second).max(0.0));
-            }
+            Level::Exactly(_) => return from_moments(),
             // One more photon moves some of the probability of one level out of `AtMost(l)`, and
             // some of that of l − 1 into `AtLeast(l)`.
             Level::AtMost(l) => (l, -1.0),
             Level::AtLeast(l) => (l - 1, 1.0),
         };
         let whole = ln_with_noise(noise, level, s);
+        if whole < MIN_LOGARITHM {
+            return from_moments();
+        }
         let [edge, next] = [l, l - 1].map(|l| (ln_sum(noise, Level::Exactly(l), s) - whole).exp());
         let score = sign * edge;
         (score, (score * score - sign * (next - edge)).max(0.0))
@@ -152,6 +173,12 @@ impl Response {
     /// Return the Fisher information of a reading about the rate s.
     #[must_use]
     pub fn information(&self, s: f64) -> f64 {
+        if s.is_nan() {
+            return s;
+        }
+        if s == f64::INFINITY {
+            return 0.0;
+        }
         let s = s.max(MIN_RATE);
         let sigma = self.noise.as_ref().map_or(0.0, Noise::sigma);
         let reach = 12.0 * (s + sigma * sigma).sqrt() + 12.0 * sigma + 30.0;
@@ -209,11 +236,18 @@ impl Response {
     /// One more photon raises the reading by 1 unless it is below 0 or at its end.
     #[must_use]
     pub fn moments(&self, s: f64) -> (f64, f64, f64) {
+        let top = self.max_reading();
+        if s.is_nan() {
+            return (s, s, s);
+        }
+        if s == f64::INFINITY {
+            return (f64::from(top), 0.0, 0.0);
+        }
+        let s = s.max(MIN_RATE);
         let (mut mean, mut square, mut rest) = (0.0, 0.0, 1.0);
-        let mut slope = self.level_probability(self.lowest, s.max(MIN_RATE));
+        let mut slope = self.level_probability(self.lowest, s);
         let sigma = self.noise.as_ref().map_or(0.0, Noise::sigma);
         let reach = 12.0 * (s + sigma * sigma).sqrt() + 12.0 * sigma + 30.0;
-        let top = self.max_reading();
         let bottom = (s - reach - self.lowest as f64).clamp(0.0, f64::from(top)) as u32;
         let end = (s + reach - self.lowest as f64).clamp(0.0, f64::from(top)) as u32;
         let mut probabilities = vec![0.0; (end.min(top) - bottom) as usize];
@@ -274,29 +308,4 @@ fn ln_with_noise(noise: &Noise, level: Level, s: f64) -> f64 {
         return 0.0;
     }
     ln_sum(noise, level, s)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn at_an_infinite_rate_all_readings_are_the_largest_one() -> Result<()> {
-        for noise in [0.0, 0.3] {
-            let response = Response::new(3, noise, 1)?;
-            for reading in 0..4 {
-                let probability = response.ln_probability(reading, f64::INFINITY).exp();
-                let expected = f64::from(u8::from(reading == 3));
-                assert_eq!(probability.to_bits(), expected.to_bits());
-            }
-        }
-        Ok(())
-    }
-
-    #[test]
-    fn read_noise_that_changes_no_reading_is_refused() {
-        for noise in [-0.1, 1e-200, 9e-4, 100.1, f64::NAN] {
-            assert!(Response::new(3, noise, 1).is_err());
-        }
-    }
 }

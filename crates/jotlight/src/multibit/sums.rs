@@ -76,7 +76,9 @@ impl Sums {
         let mut negligible = true;
         let terms = [term, first, first * (y - 1.0) / self.s];
         for (sum, term) in self.sums.iter_mut().zip(terms) {
-            negligible &= term <= NEGLIGIBLE * *sum;
+            // Sums that are not numbers end too.
+            let is_large = term > NEGLIGIBLE * *sum;
+            negligible &= !is_large;
             *sum += term;
         }
         negligible

@@ -1,0 +1,92 @@
+//! The response at rates and with noise at the ends of their ranges.
+
+use super::*;
+
+#[test]
+fn at_an_infinite_rate_all_readings_are_the_largest_one() -> Result<()> {
+    for noise in [0.0, 0.3] {
+        let response = Response::new(3, noise, 1)?;
+        for reading in 0..4 {
+            let probability = response.ln_probability(reading, f64::INFINITY).exp();
+            let expected = f64::from(u8::from(reading == 3));
+            assert_eq!(probability.to_bits(), expected.to_bits());
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn functions_of_no_rate_are_not_numbers() -> Result<()> {
+    for noise in [0.0, 0.3] {
+        let response = Response::new(3, noise, 1)?;
+        let table = ScoreTable::new(&response);
+        let mut probabilities = [0.0; 4];
+        response.write_probabilities(0, f64::NAN, &mut probabilities);
+        let (mean, variance, slope) = response.moments(f64::NAN);
+        let mut all = vec![mean, variance, slope, response.information(f64::NAN)];
+        all.extend(response.information_table().at(f64::NAN));
+        all.extend(response.moments_table().at(f64::NAN));
+        all.extend(probabilities);
+        for reading in 0..4 {
+            let derivatives = [
+                response.score_and_curvature(reading, f64::NAN),
+                table.at(f64::NAN)(reading),
+            ];
+            all.extend(derivatives.iter().flat_map(|&(one, two)| [one, two]));
+            all.push(response.ln_probability(reading, f64::NAN));
+        }
+        assert!(all.iter().all(|value| value.is_nan()), "{noise}: {all:?}");
+    }
+    Ok(())
+}
+
+#[test]
+fn functions_of_huge_rates_are_those_of_an_infinite_one() -> Result<()> {
+    let close = |found: f64, limit: f64| (found - limit).abs() < 1e-12;
+    for (top, noise) in [(1, 0.0), (3, 0.0), (1, 0.3), (3, 0.3), (3, 5.0)] {
+        let response = Response::new(top, noise, 1)?;
+        let (information, moments) = (response.information_table(), response.moments_table());
+        let table = ScoreTable::new(&response);
+        for s in [1e18, 1e40, f64::MAX, f64::INFINITY] {
+            for reading in 0..=top {
+                let limit = if reading == top { 0.0 } else { -1.0 };
+                let direct = response.score_and_curvature(reading, s);
+                for (score, curvature) in [direct, table.at(s)(reading)] {
+                    let found = format!("{reading} of {top} at {s}: {score}, {curvature}");
+                    assert!(close(score, limit) && close(curvature, 0.0), "{found}");
+                }
+                let probability = response.ln_probability(reading, s).exp();
+                assert!(close(probability, 1.0 + limit));
+            }
+            assert!(close(response.information(s), 0.0));
+            assert!(close(information.at(s)[0].exp(), 0.0));
+            let (mean, variance, slope) = response.moments(s);
+            for [mean, variance, slope] in [[mean, variance, slope], moments.at(s)] {
+                assert!(close(mean, f64::from(top)) && close(variance, 0.0));
+                assert!(close(slope, 0.0));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn tiny_rates_are_nearly_those_of_no_light() -> Result<()> {
+    for noise in [0.05, 0.3, 5.0] {
+        let response = Response::new(3, noise, 1)?;
+        let (mean, ..) = response.moments(0.0);
+        assert!((response.moments(-1.0).0 - mean).abs() < 1e-12);
+        for reading in 0..4 {
+            let [tiny, none] = [5e-324, 0.0].map(|s| response.ln_probability(reading, s).exp());
+            assert!((tiny - none).abs() < 1e-12);
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn read_noise_that_changes_no_reading_is_refused() {
+    for noise in [-0.1, 1e-200, 9e-4, 100.1, f64::NAN] {
+        assert!(Response::new(3, noise, 1).is_err());
+    }
+}
