@@ -19,8 +19,8 @@ use crate::sensing::{Exposure, Image, JOTS_PER_SEGMENT, Sensor, Window};
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the window
-/// exceeds the image, if a parameter of the sensor is infinite, NaN, or negative, or if there are too
-/// many frames, rows, or channels for the random streams.
+/// exceeds the image, if a parameter of the sensor or an intensity is infinite, NaN, or negative, or
+/// if there are too many frames, rows, or channels for the random streams.
 pub fn draw(
     sensor: &Sensor<'_>,
     response: &Response,

@@ -37,8 +37,8 @@ pub(crate) fn can_draw_counts(sensor: &Sensor<'_>) -> bool {
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes do not match. [`Error::Range`] for a sensor with a smooth kernel,
-/// maps, dead jots, or a threshold above 64 photons, for a parameter of the sensor that is
-/// infinite, NaN, or negative, and if the counts or the index are too large.
+/// maps, dead jots, or a threshold above 64 photons, for a parameter of the sensor or an intensity
+/// that is infinite, NaN, or negative, and if the counts or the index are too large.
 pub fn draw_counts(
     sensor: &Sensor<'_>,
     frames: usize,
@@ -59,7 +59,7 @@ pub fn draw_counts(
         let expected = "a box kernel, no maps, no dead jots, and a threshold of at most 64";
         return Err(Error::range("sensor", expected, "another sensor"));
     };
-    sensor.check_values(0..0)?;
+    sensor.check_values(&image, 0..sensor.jots(&image)?.0)?;
     let trials = trials(frames, sensor.kernel.oversampling())? as usize;
     check_size(0, index, trials.div_ceil(TRIALS_PER_PART))?;
     let tap = sensor.kernel.taps()[0];

@@ -23,8 +23,8 @@ const MIN_JOTS_PER_TASK: usize = 1 << 15;
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the window
-/// exceeds the image, if a parameter of the sensor is infinite, NaN, or negative, or if there are too
-/// many frames, rows, or channels for the random streams.
+/// exceeds the image, if a parameter of the sensor or an intensity is infinite, NaN, or negative, or
+/// if there are too many frames, rows, or channels for the random streams.
 pub fn expose(
     sensor: &Sensor<'_>,
     image: Image<'_>,

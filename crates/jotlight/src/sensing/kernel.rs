@@ -1,5 +1,7 @@
 //! The interpolation kernel: its integrals g over the jots (paper, equations (1) and (2)).
 
+use std::ops::Range;
+
 use num_integer::div_rem;
 
 use crate::error::{Error, Result};
@@ -76,6 +78,17 @@ impl Kernel {
         (pixel as isize, position)
     }
 
+    /// Return the rows of an image whose light reaches rows of jots.
+    ///
+    /// The rows of the symmetric continuation repeat some of them.
+    pub(super) fn rows_of_pixels(&self, jots: Range<usize>, height: usize) -> Range<usize> {
+        if jots.is_empty() {
+            return 0..0;
+        }
+        let [first, last] = [jots.start, jots.end - 1].map(|jot| self.last_pixel(jot).0 as usize);
+        first.saturating_sub(self.degree())..(last + 1).min(height)
+    }
+
     /// Return the taps of the pixels whose light reaches a jot, from the last pixel to the first.
     ///
     /// `position` is the position of the jot that [`Kernel::last_pixel`] returns.
@@ -109,6 +122,7 @@ fn spline_integral(degree: usize, x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::border::mirror_index;
 
     #[test]
     fn the_box_lights_all_jots_of_a_pixel_equally() -> Result<()> {
@@ -127,6 +141,34 @@ mod tests {
                 for phase in 0..oversampling {
                     let light: f64 = kernel.taps()[phase..].iter().step_by(oversampling).sum();
                     assert!((light * oversampling as f64 - 1.0).abs() < 1e-14);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn the_rows_of_pixels_are_those_whose_light_reaches_jots() -> Result<()> {
+        for (degree, oversampling) in (0..=3).flat_map(|degree| (1..5).map(move |k| (degree, k))) {
+            let kernel = Kernel::new(degree, oversampling)?;
+            for height in 1..6 {
+                for (start, end) in
+                    (0..height).flat_map(|start| (start..=height).map(move |end| (start, end)))
+                {
+                    let jots = start * oversampling..end * oversampling;
+                    let mut expected = vec![false; height];
+                    for jot in jots.clone() {
+                        let last = kernel.last_pixel(jot).0;
+                        for distance in 0..=degree as isize {
+                            expected[mirror_index(last - distance, height)] = true;
+                        }
+                    }
+                    let rows = kernel.rows_of_pixels(jots, height);
+                    let found: Vec<_> = (0..height).map(|row| rows.contains(&row)).collect();
+                    assert_eq!(
+                        found, expected,
+                        "degree {degree}, {start}..{end} of {height}"
+                    );
                 }
             }
         }

@@ -26,6 +26,7 @@ use ndarray::{ArrayView2, ArrayViewMut3, ArrayViewMut4, s};
 use crate::error::{Error, Result, check_shape};
 use crate::images::for_each_image;
 use crate::likelihood::Threshold;
+use crate::numbers::Real;
 use crate::rng::check_size;
 use crate::values::check_not_negative;
 
@@ -56,6 +57,27 @@ impl Image<'_> {
             Self::F64(image) => image.dim(),
         }
     }
+
+    /// Check that the intensities of some rows are finite and at least 0.
+    fn check_values(&self, rows: Range<usize>) -> Result<()> {
+        match self {
+            Self::F32(image) => check_rows("image", *image, rows),
+            Self::F64(image) => check_rows("image", *image, rows),
+        }
+    }
+}
+
+/// Check that the values of some rows are finite and at least 0.
+fn check_rows<F: Real>(
+    what: &'static str,
+    values: ArrayView2<'_, F>,
+    rows: Range<usize>,
+) -> Result<()> {
+    let rows = values.slice(s![rows, ..]);
+    match rows.to_slice() {
+        Some(values) => check_not_negative(what, values),
+        None => check_not_negative(what, &rows.iter().copied().collect::<Vec<_>>()),
+    }
 }
 
 /// A property of the jots: one number for all jots, or a map with one number per jot.
@@ -79,13 +101,7 @@ impl PerJot<'_> {
     fn check_values(&self, what: &'static str, rows: Range<usize>) -> Result<()> {
         match self {
             Self::Same(value) => check_not_negative(what, &[*value]),
-            Self::Map(map) => {
-                let rows = map.slice(s![rows, ..]);
-                match rows.to_slice() {
-                    Some(values) => check_not_negative(what, values),
-                    None => check_not_negative(what, &rows.iter().copied().collect::<Vec<_>>()),
-                }
-            }
+            Self::Map(map) => check_rows(what, *map, rows),
         }
     }
 }
@@ -130,11 +146,13 @@ impl Sensor<'_> {
         Ok(())
     }
 
-    /// Check that the parameters of some rows of jots are finite and at least 0.
-    pub(crate) fn check_values(&self, rows: Range<usize>) -> Result<()> {
+    /// Check that the parameters of some rows of jots, and the intensities whose light reaches
+    /// them, are finite and at least 0.
+    pub(crate) fn check_values(&self, image: &Image<'_>, rows: Range<usize>) -> Result<()> {
         check_not_negative("gain per frame", &[self.gain_per_frame])?;
         self.efficiency.check_values("efficiency", rows.clone())?;
-        self.dark_counts.check_values("dark counts", rows)
+        self.dark_counts.check_values("dark counts", rows.clone())?;
+        image.check_values(self.kernel.rows_of_pixels(rows, image.shape().0))
     }
 
     /// Check that readings of a window can be drawn. Return its rows and its columns of jots.
@@ -149,7 +167,7 @@ impl Sensor<'_> {
         let oversampling = self.kernel.oversampling();
         let jots = |pixels: &Range<usize>| pixels.start * oversampling..pixels.end * oversampling;
         let (rows, columns) = (jots(&window.rows), jots(&window.columns));
-        self.check_values(rows.clone())?;
+        self.check_values(image, rows.clone())?;
         check_size(channel, window.frames.end, self.jots(image)?.0)?;
         Ok((rows, columns))
     }

@@ -18,7 +18,8 @@ const COLUMNS_PER_QUESTION: usize = 1 << 12;
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if `out` does not
-/// hold rows of jots of the image, or if a parameter of the sensor is infinite, NaN, or negative.
+/// hold rows of jots of the image, or if a parameter of the sensor or an intensity is infinite, NaN,
+/// or negative.
 pub fn rate(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -34,7 +35,8 @@ pub fn rate(
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if `out` does not
-/// hold rows of jots of the image, or if a parameter of the sensor is infinite, NaN, or negative.
+/// hold rows of jots of the image, or if a parameter of the sensor or an intensity is infinite, NaN,
+/// or negative.
 pub fn probability(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -69,7 +71,7 @@ fn for_each_jot(
             format!("{rows} x {columns} jots from row {first}"),
         ));
     }
-    sensor.check_values(first..first + rows)?;
+    sensor.check_values(&image, first..first + rows)?;
     let exposure = Exposure { sensor, image };
     out.axis_iter_mut(Axis(0))
         .into_par_iter()

@@ -17,6 +17,7 @@ mod network;
 mod network_gradients;
 mod parameters;
 mod sensing;
+mod sensing_parameters;
 mod splines;
 mod spread;
 mod threshold;

@@ -8,11 +8,8 @@ use jotlight::mle::{
     JotCounts, JotResponse, JotResponses, PixelResponse, equivalent_counts, from_counts, from_jots,
     from_probability,
 };
-use jotlight::multibit::{self, Cells, Response, Sample};
+use jotlight::multibit::{Cells, Response, Sample};
 use jotlight::network::{Network, SensorModel, Served, local_trials};
-use jotlight::sensing::{
-    Image, Kernel, PerJot, Sensor, Window, draw_counts, expose, probability, rate,
-};
 use jotlight::tv::{self, Norm};
 use jotlight::values::Values;
 use ndarray::{Array2, Array3, Array4, array};
@@ -22,7 +19,7 @@ use crate::model::{identity, sensor};
 const NEVER: [f64; 4] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.5];
 
 /// Check that a function refuses impossible values of a parameter, and 0 unless it is possible.
-fn assert_refused<R>(
+pub fn assert_refused<R>(
     name: &'static str,
     zero_is_possible: bool,
     function: impl Fn(f64) -> Result<R>,
@@ -205,71 +202,6 @@ fn likelihoods_of_impossible_sensors_are_errors() -> Result<()> {
         });
     }
     Ok(())
-}
-
-/// Call the functions that simulate a sensor, and return their common result.
-fn see<'a>(gain_per_frame: f64, efficiency: PerJot<'a>, dark_counts: PerJot<'a>) -> Result<()> {
-    let image = array![[0.5, 0.6]];
-    let window = Window {
-        frames: 0..1,
-        rows: 0..1,
-        columns: 0..2,
-    };
-    let response = Response::new(15, 0.0, 1)?;
-    let sensor = Sensor {
-        kernel: Kernel::new(0, 1)?,
-        gain_per_frame,
-        efficiency,
-        dark_counts,
-        dead: None,
-        threshold: Threshold::new(1)?,
-    };
-    let (light, mut out) = (Image::F64(image.view()), Array2::zeros((1, 2)));
-    let mut bits = Array3::zeros((1, 1, 1));
-    let mut numbers = Array3::zeros((1, 1, 2));
-    let results = [
-        rate(&sensor, light, 0, out.view_mut()),
-        probability(&sensor, light, 0, out.view_mut()),
-        expose(&sensor, light, [0; 32], 0, &window, bits.view_mut()),
-        multibit::draw(
-            &sensor,
-            &response,
-            light,
-            [0; 32],
-            0,
-            &window,
-            numbers.view_mut(),
-        ),
-    ];
-    assert!(results.iter().all(|result| *result == results[0]));
-    if let (PerJot::Same(_), PerJot::Same(_)) = (efficiency, dark_counts) {
-        let mut counts = Array2::zeros((1, 2));
-        let result = draw_counts(&sensor, 1, light, [0; 32], 0, counts.view_mut());
-        assert_eq!(result, results[0]);
-    }
-    results.into_iter().collect::<Result<()>>()
-}
-
-fn known<'a>() -> PerJot<'a> {
-    PerJot::Same(0.5)
-}
-
-#[test]
-fn impossible_sensors_see_nothing() {
-    assert_refused("gain per frame", true, |gain| see(gain, known(), known()));
-    assert_refused("efficiency", true, |value| {
-        see(1.0, PerJot::Same(value), known())
-    });
-    assert_refused("dark counts", true, |value| {
-        see(1.0, known(), PerJot::Same(value))
-    });
-    let map = |value: f64| array![[0.5, value as f32]];
-    assert_refused("efficiency", true, |value| {
-        see(1.0, PerJot::Map(map(value).view()), known())
-    });
-    assert_refused("dark counts", true, |value| {
-        see(1.0, known(), PerJot::Map(map(value).view()))
-    });
 }
 
 #[test]
