@@ -17,6 +17,8 @@ const MAX_DISPLACEMENT: f32 = 100_000.0;
 pub struct Displacements<'a> {
     /// The values of all fields, one after the other.
     fields: Cow<'a, [f32]>,
+    /// The height and the width of the image in pixels.
+    size: (usize, usize),
     /// The numbers of fields, and of rows and columns of a field.
     number: usize,
     rows: usize,
@@ -60,6 +62,7 @@ impl<'a> Displacements<'a> {
         let values = fields.to_slice().map(Cow::Borrowed);
         Ok(Self {
             fields: values.unwrap_or_else(|| fields.iter().copied().collect()),
+            size: (rows, columns),
             number,
             rows: tiles(rows),
             row_length: tiles(columns),
@@ -81,6 +84,20 @@ impl<'a> Displacements<'a> {
             number: 1,
             columns: self.columns.clone(),
             ..*self
+        }
+    }
+
+    /// Return the height and the width of the image in pixels.
+    pub(super) fn size(&self) -> (usize, usize) {
+        self.size
+    }
+
+    /// Check that the displacements are those of an image of a size.
+    pub(super) fn check_size(&self, size: (usize, usize)) -> Result<()> {
+        if self.size == size {
+            Ok(())
+        } else {
+            Err(Error::shape("image of the displacements", size, self.size))
         }
     }
 

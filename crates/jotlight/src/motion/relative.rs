@@ -12,7 +12,6 @@ use crate::error::Result;
 #[derive(Clone, Debug)]
 pub struct Relative<'a> {
     displacements: Displacements<'a>,
-    size: (usize, usize),
 }
 
 impl<'a> Relative<'a> {
@@ -25,13 +24,12 @@ impl<'a> Relative<'a> {
         let fields = nodes.insert_axis(Axis(0));
         Ok(Self {
             displacements: Displacements::new(fields, Some(tile), size.0, size.1)?,
-            size,
         })
     }
 
     /// Return the size of the image.
     pub(super) fn size(&self) -> (usize, usize) {
-        self.size
+        self.displacements.size()
     }
 
     /// Return the distances of a row.
@@ -46,7 +44,7 @@ impl<'a> Relative<'a> {
             columns: self.displacements.columns(),
             values,
             row,
-            size: self.size,
+            size: self.size(),
         }
     }
 }

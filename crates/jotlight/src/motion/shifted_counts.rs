@@ -38,9 +38,9 @@ pub struct ShiftedCounts<'a> {
 /// trials.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a time is not in
-/// \[-1, m\] for m fields, a count could exceed the `i32`, or a frame has more than 2^24 rows or columns, or 2^31
-/// bytes.
+/// [`Error::Shape`] if the shapes of the arrays do not match, or the displacements are those of an
+/// image of another size. [`Error::Range`] if a time is not in \[-1, m\] for m fields, a count could
+/// exceed the `i32`, or a frame has more than 2^24 rows or columns, or 2^31 bytes.
 pub fn count_shifted(
     bits: &PackedBits<'_>,
     motion: &Displacements<'_>,
@@ -49,7 +49,7 @@ pub fn count_shifted(
     mut sums: ShiftedCounts<'_>,
 ) -> Result<()> {
     let (frames, rows, columns) = bits.shape();
-    check(bits, times, motion.number(), valid, &sums)?;
+    check(bits, motion, times, valid, &sums)?;
     trials(frames, 1)?;
     if frames == 0 || rows == 0 || columns == 0 {
         sums.ones.fill(0);
@@ -118,17 +118,18 @@ impl<'a> Task<'a> {
 
 fn check(
     bits: &PackedBits<'_>,
+    motion: &Displacements<'_>,
     times: &[f64],
-    fields: usize,
     valid: Option<ArrayView2<'_, u8>>,
     sums: &ShiftedCounts<'_>,
 ) -> Result<()> {
     let (frames, rows, columns) = bits.shape();
     check_size(rows, columns)?;
+    motion.check_size((rows, columns))?;
     if times.len() != frames {
         return Err(Error::shape("times of the frames", frames, times.len()));
     }
-    check_times(times, fields)?;
+    check_times(times, motion.number())?;
     check_mask(valid, rows, columns)?;
     for counts in [sums.ones.view(), sums.trials.view()] {
         if counts.dim() != (rows, columns) {

@@ -21,8 +21,9 @@ use crate::interrupt;
 /// sees the jot whose bit that function counts. Jots outside of the frame add 0.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a time is not in
-/// \[-1, n\] for n fields, or a frame has more than 2^24 rows or columns.
+/// [`Error::Shape`] if the shapes of the arrays do not match, or the displacements are those of an
+/// image of another size. [`Error::Range`] if a time is not in \[-1, n\] for n fields, or a frame has
+/// more than 2^24 rows or columns.
 pub fn add_shifted_values(
     of_jots: ArrayView3<'_, f32>,
     motion: &Displacements<'_>,
@@ -31,6 +32,7 @@ pub fn add_shifted_values(
 ) -> Result<()> {
     let (_, rows, columns) = of_jots.dim();
     check_size(rows, columns)?;
+    motion.check_size((rows, columns))?;
     check_times(times, motion.number())?;
     if out.dim() != of_jots.dim() {
         return Err(Error::shape("output", of_jots.dim(), out.dim()));

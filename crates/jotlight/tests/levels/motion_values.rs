@@ -1,7 +1,7 @@
 //! Comparisons of sums of values of the jots along a motion with counts of equal bits.
 
 use jotlight::bits::{PackedBits, packed_width};
-use jotlight::error::Result;
+use jotlight::error::{Error, Result};
 use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_values, count_shifted};
 use ndarray::{Array2, Array3, Array4};
 
@@ -83,6 +83,19 @@ fn wrong_arguments_are_refused() -> Result<()> {
     for time in [-1.5, 2.5, f64::NAN] {
         let found = add_shifted_values(values.view(), &motion, &[time], sums.view_mut());
         assert!(found.is_err());
+    }
+    for (tile, rows, columns, nodes) in [
+        (Some(16), 20, 31, (2, 2)),
+        (Some(16), 19, 30, (2, 2)),
+        (Some(16), 40, 60, (3, 4)),
+        (Some(16), 10, 15, (1, 1)),
+        (None, 20, 29, (20, 29)),
+        (Some(16), 0, 0, (0, 0)),
+    ] {
+        let fields = Array4::zeros((2, 2, nodes.0, nodes.1));
+        let other = Displacements::new(fields.view(), tile, rows, columns)?;
+        let found = add_shifted_values(values.view(), &other, &[0.0], sums.view_mut());
+        assert!(matches!(found, Err(Error::Shape { .. })));
     }
     for shape in [(1, 20, 30), (2, 21, 30), (2, 20, 29)] {
         let mut sums = Array3::zeros(shape);
