@@ -5,6 +5,7 @@ use ndarray::{Array2, ArrayView2, ArrayView3};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
+use crate::values::check_not_negative;
 
 /// The number of modes of an affine motion: two translations, zoom, rotation, and two shears.
 pub const MODES: usize = 6;
@@ -60,7 +61,7 @@ impl Curve {
     ///
     /// # Errors
     /// [`Error::Shape`] if the shapes do not match. [`Error::Range`] if there are three blocks or
-    /// fewer, or a value is not finite.
+    /// fewer, a value is not finite, or a squared difference is negative.
     pub fn new(
         estimates: ArrayView2<'_, f64>,
         information: ArrayView3<'_, f64>,
@@ -80,7 +81,7 @@ impl Curve {
         if ratios.len() != number - 1 {
             return Err(Error::shape("ratios", number - 1, ratios.len()));
         }
-        let mut values = estimates.iter().chain(&information).chain(ratios);
+        let mut values = estimates.iter().chain(&information);
         if let Some(value) = values.find(|value| !value.is_finite()) {
             return Err(Error::range(
                 "estimates of a curve",
@@ -88,6 +89,7 @@ impl Curve {
                 value,
             ));
         }
+        check_not_negative("squared differences of curves", ratios)?;
         let estimates: Vec<f64> = estimates.iter().copied().collect();
         let mut rows = vec![[[0.0]; BAND + 1]; estimates.len()];
         let mut right = vec![0.0; estimates.len()];
@@ -116,7 +118,8 @@ impl Curve {
     /// weights w are those under which y is most probable (restricted maximum likelihood).
     ///
     /// # Errors
-    /// [`Error::Range`] if the information is not positive. [`Error::Interrupted`].
+    /// [`Error::Range`] if the information is not positive, or the estimates are so large that their
+    /// cost is not finite. [`Error::Interrupted`].
     pub fn smooth(&self) -> Result<Array2<f64>> {
         let (mut best, mut cost) = (FIRST, self.cost(&FIRST)?.0);
         for step in STEPS {
@@ -137,10 +140,11 @@ impl Curve {
                         (nearby, lowest) = (weights, other);
                     }
                 }
-                if lowest > cost - MIN_GAIN {
+                if lowest < cost - MIN_GAIN {
+                    (best, cost) = (nearby, lowest);
+                } else {
                     break;
                 }
-                (best, cost) = (nearby, lowest);
             }
         }
         Ok(self.cost(&best)?.1)
@@ -149,7 +153,8 @@ impl Curve {
     /// Return −2 log p(y | w) without a constant, and the most probable curve under weights.
     ///
     /// # Errors
-    /// [`Error::Range`] if the information is not positive, or a weight is too large.
+    /// [`Error::Range`] if the information is not positive, or the cost is not finite: a weight is NaN
+    /// or too large, or the estimates are too large.
     pub fn cost(&self, weights: &Logarithms) -> Result<(f64, Array2<f64>)> {
         let ([cost], solution) = self.costs(&[*weights])?;
         let number = self.estimates.len() / MODES;
@@ -190,6 +195,10 @@ impl Curve {
                 .map(|(right, (estimate, value))| right * (estimate - value[index]))
                 .sum();
             *cost = residual + *cost - self.log_prior(&weights[index]);
+        }
+        if let Some(cost) = costs.iter().find(|cost| !cost.is_finite()) {
+            let expected = "weights and estimates whose cost is finite";
+            return Err(Error::range("estimates of a curve", expected, cost));
         }
         Ok((costs, solution))
     }

@@ -12,6 +12,7 @@ mod likelihood;
 mod mle;
 mod model;
 mod model_data;
+mod motion_curve;
 mod motion_velocity;
 mod network;
 mod network_gradients;
