@@ -53,6 +53,9 @@ pub fn velocity_scores(
     memory::check::<Part>("spectra", &[blocks.dim().0, transforms.parts()])?;
     let shape = (windows.corners.len(), line.len(), line.len());
     let mut scores = memory::zeros("scores", shape)?;
+    if line.is_empty() {
+        return Ok(scores);
+    }
     let rows = blocks.lanes(Axis(2)).into_iter();
     let largest = rows.map(|row| largest_magnitude(&contiguous(row))).max();
     let correlator = Correlator {

@@ -95,6 +95,14 @@ fn invalid_arguments_are_errors() {
 }
 
 #[test]
+fn an_empty_line_has_no_scores() -> Result<()> {
+    let blocks = moving(3, 10, 12);
+    let scores = velocity_scores(blocks.view(), windows(&[(0, 0)], (8, 8)), &[1], &[])?;
+    assert_eq!(scores.dim(), (1, 0, 0));
+    Ok(())
+}
+
+#[test]
 fn shifted_scores_are_added_at_their_place_and_their_shift() -> Result<()> {
     let mut scores = Array3::zeros((2, 4, 5));
     scores[(0, 1, 2)] = 1.0;
