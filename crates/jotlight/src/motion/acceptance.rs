@@ -1,9 +1,9 @@
 //! Counts of blocks of frames, added where they agree with a template.
 
-use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, s};
+use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use super::block_sums::accept_row;
+use super::block_sums::{accept_row, add, check_sums};
 use super::brightness::brightness_of_blocks;
 use super::chi_squared::{Comparison, ROWS_PER_TASK, test_band};
 use super::count::Counts;
@@ -47,7 +47,8 @@ pub struct Totals<'a> {
 /// is not left out.
 ///
 /// # Errors
-/// Those of [`super::chi_squared`].
+/// Those of [`super::chi_squared`], and [`Error::Range`] if a total exceeds the `i32`. After the
+/// latter error, the totals are incomplete.
 pub fn accept_agreeing<'a>(
     (probability, trials_of_template): (ArrayView2<'a, f32>, ArrayView2<'a, i32>),
     limits: Limits,
@@ -87,25 +88,29 @@ pub fn accept_agreeing<'a>(
         .zip(available.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
         .zip(masks);
     // All blocks of a band, one after the other: the rows of neighbors stay in the cache.
-    bands
-        .enumerate()
-        .for_each(|(band, (((mut ones, mut trials), mut available), masks))| {
+    bands.enumerate().try_for_each(
+        |(band, (((mut ones, mut trials), mut available), masks))| {
+            let mut signs = 0;
             let first = band * ROWS_PER_TASK;
             let mut test = Array2::zeros(ones.dim());
             for ((comparison, per_one, own), mask) in tested.iter().zip(masks) {
                 if interrupt::is_requested() {
-                    return;
+                    return Ok(());
                 }
                 test_band(comparison, *per_one, first, test.view_mut());
                 let (sums, own) = (
                     [ones.view_mut(), trials.view_mut()],
                     &comparison.parts[*own],
                 );
-                accept_band((test.view(), limits.chi_squared), (own, first), sums, mask);
-                let rows = own.trials.slice(s![first..first + ones.nrows(), ..]);
-                available.zip_mut_with(&rows, |sum, &trials| *sum += trials);
+                let test = (test.view(), limits.chi_squared);
+                accept_band(test, (own, first), sums, mask, &mut signs);
+                for (row, mut available) in (first..).zip(available.rows_mut()) {
+                    add(&values(own.trials.row(row)), &mut available, &mut signs);
+                }
             }
-        });
+            check_sums(signs)
+        },
+    )?;
     Ok(is_same)
 }
 
@@ -149,6 +154,7 @@ fn accept_band(
     (block, first): (&Counts<'_>, usize),
     sums: [ArrayViewMut2<'_, i32>; 2],
     mut mask: ArrayViewMut2<'_, u8>,
+    signs: &mut i32,
 ) {
     let [mut ones, mut trials] = sums;
     let mut bytes = vec![0; mask.ncols()];
@@ -156,7 +162,7 @@ fn accept_band(
         let row = first + index;
         let counts = [block.ones.row(row), block.trials.row(row)];
         let sums = [ones.row_mut(index), trials.row_mut(index)];
-        accept_row(&contiguous(test), limit, counts, sums, &mut bytes);
+        accept_row(&contiguous(test), limit, counts, sums, &mut bytes, signs);
         let mut mask = mask.row_mut(index);
         mask.iter_mut()
             .zip(&bytes)

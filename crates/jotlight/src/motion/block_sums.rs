@@ -15,7 +15,8 @@ const ROWS_PER_TASK: usize = 32;
 /// Add images of counts `(H, W)` to `out`.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a sum exceeds the
+/// `i32`. After the latter error, the sums are incomplete.
 pub fn add_counts(parts: &[ArrayView2<'_, i32>], mut out: ArrayViewMut2<'_, i32>) -> Result<()> {
     for part in parts {
         check_shape("counts", out.dim(), part.dim())?;
@@ -24,12 +25,13 @@ pub fn add_counts(parts: &[ArrayView2<'_, i32>], mut out: ArrayViewMut2<'_, i32>
         .into_par_iter()
         .with_min_len(ROWS_PER_TASK)
         .enumerate()
-        .for_each(|(row, mut out)| {
+        .try_for_each(|(row, mut out)| {
+            let mut signs = 0;
             for part in parts {
-                add(&contiguous(part.row(row)), &mut out);
+                add(&contiguous(part.row(row)), &mut out, &mut signs);
             }
-        });
-    Ok(())
+            check_sums(signs)
+        })
 }
 
 /// The counts of a block of frames, and the sums to which those of some pixels are added.
@@ -47,7 +49,8 @@ pub struct Accepted<'a> {
 /// write these pixels into the mask.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a sum exceeds the
+/// `i32`. After the latter error, the sums are incomplete.
 pub fn add_accepted(test: ArrayView2<'_, f32>, limit: f32, block: Accepted<'_>) -> Result<()> {
     let Accepted {
         counts,
@@ -66,7 +69,8 @@ pub fn add_accepted(test: ArrayView2<'_, f32>, limit: f32, block: Accepted<'_>) 
         .zip(mask.axis_iter_mut(Axis(0)))
         .with_min_len(ROWS_PER_TASK)
         .enumerate()
-        .for_each(|(row, ((ones, trials), mut mask))| {
+        .try_for_each(|(row, ((ones, trials), mut mask))| {
+            let mut signs = 0;
             let counts = counts.map(|counts| counts.index_axis_move(Axis(0), row));
             let mut bytes = vec![0; width];
             accept_row(
@@ -75,33 +79,61 @@ pub fn add_accepted(test: ArrayView2<'_, f32>, limit: f32, block: Accepted<'_>) 
                 counts,
                 [ones, trials],
                 &mut bytes,
+                &mut signs,
             );
             mask.iter_mut()
                 .zip(&bytes)
                 .for_each(|(byte, &value)| *byte = value);
-        });
+            check_sums(signs)
+        })
+}
+
+/// Check the signs of sums, which are negative if a sum exceeds the `i32`.
+pub(super) fn check_sums(signs: i32) -> Result<()> {
+    if signs < 0 {
+        let expected = "sums of less than 2^31; add fewer of them";
+        return Err(Error::range("counts", expected, "a larger sum"));
+    }
     Ok(())
 }
 
 levels! {
-    /// Add a row of counts.
-    fn add(counts: &[i32], sums: &mut ArrayViewMut1<'_, i32>) = add_inlined;
+    /// Add a row of counts. `signs` become negative if a sum exceeds the `i32`.
+    pub(super) fn add(
+        counts: &[i32], sums: &mut ArrayViewMut1<'_, i32>, signs: &mut i32,
+    ) = add_inlined;
     /// Add the counts of a row whose value in `test` is below a limit, and pack these pixels.
+    /// `signs` become negative if a sum exceeds the `i32`.
     pub(super) fn accept_row(
         test: &[f32],
         limit: f32,
         counts: [ArrayView1<'_, i32>; 2],
         sums: [ArrayViewMut1<'_, i32>; 2],
         mask: &mut [u8],
+        signs: &mut i32,
     ) = accept_row_inlined;
 }
 
 #[inline(always)]
-fn add_inlined(counts: &[i32], sums: &mut ArrayViewMut1<'_, i32>) {
+fn add_inlined(counts: &[i32], sums: &mut ArrayViewMut1<'_, i32>, signs: &mut i32) {
+    add_terms(counts.iter().copied(), sums, signs);
+}
+
+/// Add terms to sums. The compiler vectorizes this loop, which does not end at a large sum.
+#[inline(always)]
+fn add_terms(terms: impl Iterator<Item = i32>, sums: &mut ArrayViewMut1<'_, i32>, signs: &mut i32) {
+    let mut all = *signs;
+    let add = |(sum, term): (&mut i32, i32)| {
+        let total = sum.wrapping_add(term);
+        // A sum that wraps has another sign than both of its terms.
+        all |= (total ^ *sum) & (total ^ term);
+        *sum = total;
+    };
     match sums.as_slice_mut() {
-        Some(sums) => sums.iter_mut().zip(counts).for_each(|(sum, n)| *sum += n),
-        None => sums.iter_mut().zip(counts).for_each(|(sum, n)| *sum += n),
+        Some(sums) => sums.iter_mut().zip(terms).for_each(add),
+        None => sums.iter_mut().zip(terms).for_each(add),
     }
+    *signs = all;
 }
 
 #[inline(always)]
@@ -111,9 +143,13 @@ fn accept_row_inlined(
     counts: [ArrayView1<'_, i32>; 2],
     sums: [ArrayViewMut1<'_, i32>; 2],
     mask: &mut [u8],
+    signs: &mut i32,
 ) {
-    for (counts, sums) in counts.into_iter().zip(sums) {
-        add_below(test, limit, &contiguous(counts), sums);
+    for (counts, mut sums) in counts.into_iter().zip(sums) {
+        let counts = contiguous(counts);
+        let terms = test.iter().zip(counts.iter());
+        let terms = terms.map(|(&value, &count)| if value < limit { count } else { 0 });
+        add_terms(terms, &mut sums, signs);
     }
     let (tests, rest) = test.as_chunks::<8>();
     for (byte, test) in mask.iter_mut().zip(tests) {
@@ -131,14 +167,4 @@ fn pack(test: &[f32], limit: f32) -> u8 {
     bits.fold(0, |byte, (bit, &value)| {
         byte | u8::from(value < limit) << (7 - bit)
     })
-}
-
-#[inline(always)]
-fn add_below(test: &[f32], limit: f32, counts: &[i32], mut sums: ArrayViewMut1<'_, i32>) {
-    let terms = test.iter().zip(counts);
-    let terms = terms.map(|(&value, &count)| if value < limit { count } else { 0 });
-    match sums.as_slice_mut() {
-        Some(sums) => sums.iter_mut().zip(terms).for_each(|(sum, n)| *sum += n),
-        None => sums.iter_mut().zip(terms).for_each(|(sum, n)| *sum += n),
-    }
 }

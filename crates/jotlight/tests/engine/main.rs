@@ -13,6 +13,7 @@ mod mle;
 mod model;
 mod model_data;
 mod motion_curve;
+mod motion_sums;
 mod motion_velocity;
 mod network;
 mod network_gradients;
