@@ -25,11 +25,16 @@ pub fn transform(count: f64, trials: f64) -> f64 {
 /// Return T⁻¹(`z`) for K = `trials` readings per pixel, a real number: equation (7).
 ///
 /// `Differs from the paper:` the angle z / √(K + 1/2) is clipped to [0, π/2], and the result to
-/// [0, K].
+/// [0, K]. It is NaN if K is negative or NaN.
 #[must_use]
 pub fn algebraic_inverse(z: f64, trials: f64) -> f64 {
     let angle = (z / (trials + 0.5).sqrt()).clamp(0.0, std::f64::consts::FRAC_PI_2);
-    ((trials + 0.75) * angle.sin().powi(2) - 0.375).clamp(0.0, trials)
+    let count = (trials + 0.75) * angle.sin().powi(2) - 0.375;
+    if trials >= 0.0 {
+        count.clamp(0.0, trials)
+    } else {
+        f64::NAN
+    }
 }
 
 /// The Anscombe transform of the number of ones among K readings, and its expectation.

@@ -22,6 +22,14 @@ fn the_algebraic_inverse_restores_counts() {
 }
 
 #[test]
+fn the_algebraic_inverse_of_no_number_is_none() {
+    for (z, trials) in [(1.0, -1.0), (1.0, -0.5), (1.0, f64::NAN), (f64::NAN, 4.0)] {
+        assert!(algebraic_inverse(z, trials).is_nan(), "K = {trials}, {z}");
+    }
+    assert_eq!(algebraic_inverse(1.0, 0.0).to_bits(), 0);
+}
+
+#[test]
 fn the_expectation_is_a_binomial_sum() -> Result<()> {
     for bits in [1, 4, 25] {
         let anscombe = Anscombe::new(bits)?;
