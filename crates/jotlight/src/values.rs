@@ -85,6 +85,15 @@ pub(crate) fn check_not_negative<F: Real>(what: &'static str, values: &[F]) -> R
     })
 }
 
+/// Check that numbers are finite.
+pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<()> {
+    let chunks = values.par_chunks(VALUES_PER_TASK);
+    let wrong = chunks.find_map_first(|values| values.iter().find(|value| !value.is_finite()));
+    wrong.map_or(Ok(()), |wrong| {
+        Err(Error::range(what, "finite numbers", wrong))
+    })
+}
+
 #[inline(always)]
 fn is_valid<F: Real>(value: F) -> bool {
     (value >= F::zero()) & value.is_finite()

@@ -251,7 +251,8 @@ pub fn equivalent_counts(
             (reference_trials * fraction) as f32
         } else {
             let rate = threshold.inverse_detection_probability(fraction);
-            let light = (rate - jot.dark_counts).max(0.0) / jot.efficiency;
+            // Without efficiency, dark counts alone are no light, as for the intensity above.
+            let light = ((rate - jot.dark_counts) / jot.efficiency).max(0.0);
             let reference_rate = reference.efficiency * light + reference.dark_counts;
             (reference_trials * threshold.detection_probability(reference_rate)) as f32
         }

@@ -153,6 +153,36 @@ fn estimates_from_unequal_jots_solve_the_score_equation() -> Result<()> {
 }
 
 #[test]
+fn equivalent_counts_of_blind_jots_are_those_of_their_estimates() -> Result<()> {
+    let (response, counts) = (response(1)?, [0, 1, 2]);
+    let blind = JotResponse {
+        efficiency: 0.0,
+        dark_counts: 0.0,
+    };
+    let (mut estimates, mut equivalent) = ([0.0; 3], [0.0; 3]);
+    let trials = Values::Same(2.0);
+    mle::from_counts(&response, &counts, trials, &same(blind), &mut estimates)?;
+    mle::equivalent_counts(
+        &response,
+        &counts,
+        trials,
+        &same(blind),
+        4.0,
+        IDEAL,
+        &mut equivalent,
+    )?;
+    assert_eq!(
+        estimates.map(f32::to_bits),
+        [0.0f32, 2.0, 2.0].map(f32::to_bits)
+    );
+    assert_eq!(
+        equivalent.map(f32::to_bits),
+        [0.0f32, 4.0, 4.0].map(f32::to_bits)
+    );
+    Ok(())
+}
+
+#[test]
 fn equivalent_counts_of_reference_jots_are_the_counts() -> Result<()> {
     let jot = JotResponse {
         efficiency: 0.5,

@@ -35,6 +35,18 @@ pub fn assert_refused<R>(
     }
 }
 
+/// Check that a function refuses numbers that are not finite, and takes others.
+fn assert_not_finite_is_refused<R>(name: &'static str, function: impl Fn(f64) -> Result<R>) {
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let refused = function(value).err();
+        let is_named = matches!(refused, Some(Error::Range { what, .. }) if what == name);
+        assert!(is_named, "{name} = {value}: {refused:?}");
+    }
+    for value in [-0.5, 0.0, 0.5] {
+        assert!(function(value).is_ok(), "{name} = {value}");
+    }
+}
+
 /// Check that a function refuses impossible parameters of a pixel.
 fn assert_response_is_checked(function: impl Fn(PixelResponse) -> Result<()>) -> Result<()> {
     let response = sensor(16, 1.0)?.response;
@@ -185,6 +197,9 @@ fn likelihoods_of_impossible_sensors_are_errors() -> Result<()> {
         assert!(matches!(result, Err(Error::Shape { what: "cells", .. })));
     }
     let joint = JointReadings::new(vec![term(1.0)], 1, 2)?;
+    assert_not_finite_is_refused("total", |total| {
+        joint.solve_total(&[1.0, total], 1.0, 0.0, &mut [0.1; 2])
+    });
     let start = || [0.1; 2];
     for search in [
         |joint: &JointReadings<'_>, highest, offset, start: &mut [f64]| {
@@ -243,5 +258,17 @@ fn impossible_parameters_of_iterations_are_errors() -> Result<()> {
     assert_refused("penalty", false, |penalty| {
         readings.proximal(penalty, 1.0, &[0.1; 2], &mut [0.1; 2])
     });
+    assert_not_finite_is_refused("point", |point| {
+        readings.proximal(1.0, 1.0, &[0.1; 2], &mut [0.1, point])
+    });
+    let update = |light, dual| {
+        let step = AdmmStep {
+            penalty: 1.0,
+            relaxation: 1.5,
+        };
+        readings.admm_update(&step, 1.0, &[0.1, light], &mut [0.1; 2], &mut [0.0, dual])
+    };
+    assert_not_finite_is_refused("light", |light| update(light, 0.0));
+    assert_not_finite_is_refused("dual", |dual| update(0.1, dual));
     Ok(())
 }
