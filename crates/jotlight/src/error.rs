@@ -33,7 +33,9 @@ pub enum Error {
         reason: String,
     },
     /// The memory for an array is not available.
-    #[error("{what}: not enough memory for an array of the shape {shape}; divide the image")]
+    #[error(
+        "{what}: not enough memory for an array of the shape {shape}; request less at once, such as a part of the image"
+    )]
     Memory {
         /// The name of the array.
         what: &'static str,
@@ -54,6 +56,7 @@ pub enum Error {
 }
 
 impl Error {
+    /// Return the error of a shape. An expectation in words is a `format_args!`, which has no quotes.
     pub(crate) fn shape(
         what: &'static str,
         expected: impl std::fmt::Debug,
@@ -63,6 +66,19 @@ impl Error {
             what,
             expected: format!("{expected:?}"),
             received: format!("{received:?}"),
+        }
+    }
+
+    /// Return the error of an output that has another shape, or whose rows are not contiguous.
+    pub(crate) fn layout(
+        expected: impl std::fmt::Debug,
+        received: impl std::fmt::Debug,
+        strides: &[isize],
+    ) -> Self {
+        Self::Shape {
+            what: "out",
+            expected: format!("contiguous rows of the shape {expected:?}"),
+            received: format!("the shape {received:?} with strides {strides:?}"),
         }
     }
 

@@ -105,7 +105,7 @@ pub fn accept_agreeing<'a>(
                 let test = (test.view(), limits.chi_squared);
                 accept_band(test, (own, first), sums, mask, &mut signs);
                 for (row, mut available) in (first..).zip(available.rows_mut()) {
-                    add(&values(own.trials.row(row)), &mut available, &mut signs);
+                    add(&contiguous(own.trials.row(row)), &mut available, &mut signs);
                 }
             }
             check_sums(signs)

@@ -32,7 +32,8 @@ pub fn peak_of_shifted_scores(
 ) -> Result<Vec<Peak>> {
     let (number, height, width) = scores.dim();
     if height == 0 || width == 0 {
-        return Err(Error::shape("scores", "rows and columns", scores.dim()));
+        let expected = format_args!("at least one row and one column");
+        return Err(Error::shape("scores", expected, scores.dim()));
     }
     let expected = (shifts.dim().0, number, 2);
     if shifts.dim() != expected {

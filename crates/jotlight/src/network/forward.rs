@@ -1,6 +1,10 @@
 //! The forward pass: from bits, counts, or sums p to an image (equations (8) to (11)).
+//!
+//! The rows of outputs are contiguous, one after the other.
 
-use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{
+    Array3, ArrayView2, ArrayView3, ArrayViewMut, ArrayViewMut2, ArrayViewMut3, Dimension,
+};
 use rayon::prelude::*;
 
 use super::first_layer::bit_tables::BitTables;
@@ -44,13 +48,14 @@ pub fn masked_sums<F: Real>(
 /// equations (10), (9), and (8), in this order. A network may have more layers.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if the layers, the sums, and `out` do not match.
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the sums, and `out` do not match, or the rows
+/// of `out` are not contiguous.
 pub fn forward<F: Real>(
     layers: &[&Layer<F>],
     sums: ArrayView3<'_, F>,
     out: ArrayViewMut2<'_, F>,
 ) -> Result<()> {
-    forward_planes(layers, sums, out.insert_axis(Axis(0)))
+    evaluate_sums(layers, sums, |graph, size| rows_of_image(out, graph, size))
 }
 
 /// Write the planes that the network computes from the sums p of its first layer into `out`.
@@ -58,15 +63,27 @@ pub fn forward<F: Real>(
 /// The shape of `sums` is `(C, H, W)`, and that of `out` begins with the channels of the last layer.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if the layers, the sums, and `out` do not match.
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the sums, and `out` do not match, or the rows
+/// of `out` are not contiguous.
 pub fn forward_planes<F: Real>(
     layers: &[&Layer<F>],
     sums: ArrayView3<'_, F>,
     out: ArrayViewMut3<'_, F>,
 ) -> Result<()> {
+    evaluate_sums(layers, sums, |graph, (height, width)| {
+        contiguous_rows(out, (graph.channels(), height, width))
+    })
+}
+
+/// Write the output of the last layer to `rows` of the graph and the size of a plane.
+fn evaluate_sums<'a, F: Real>(
+    layers: &[&Layer<F>],
+    sums: ArrayView3<'_, F>,
+    rows: impl FnOnce(&Graph<'_, F>, (usize, usize)) -> Result<&'a mut [F]>,
+) -> Result<()> {
     let (channels, height, width) = sums.dim();
     let graph = checked_graph(layers, channels, (height, width))?;
-    let out = rows_of_planes(out, &graph, (height, width))?;
+    let out = rows(&graph, (height, width))?;
     let sums = contiguous_planes("sums", sums)?;
     evaluate_in_tiles(&graph, (height, width), out, |region, out| {
         for (plane, sums) in sums.chunks_exact(height * width).enumerate() {
@@ -85,7 +102,7 @@ pub fn forward_planes<F: Real>(
 ///
 /// # Errors
 /// [`Error::Shape`] and [`Error::Range`] if the layers, the counts, the sums, and `out` do not
-/// match. [`Error::Range`] for a count outside 0 to K.
+/// match, or the rows of `out` are not contiguous. [`Error::Range`] for a count outside 0 to K.
 pub fn forward_counts<F: Real>(
     layers: &[&Layer<F>],
     counts: ArrayView2<'_, i32>,
@@ -122,7 +139,8 @@ pub fn forward_counts<F: Real>(
 /// and so stay in the cache.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if the layers, the bits, the sums, and `out` do not match.
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the bits, the sums, and `out` do not match,
+/// or the rows of `out` are not contiguous.
 pub fn forward_tied_bits<F: Real>(
     layers: &[&Layer<F>],
     bits: &PackedBits<'_>,
@@ -156,7 +174,8 @@ pub fn forward_tied_bits<F: Real>(
 /// The filters of the first layer must have the shape `(C, T, K̂, K̂)`.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if the layers, the bits, and `out` do not match.
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the bits, and `out` do not match, or the rows
+/// of `out` are not contiguous.
 pub fn forward_bits<F: Real>(
     layers: &[&Layer<F>],
     bits: &PackedBits<'_>,
@@ -206,24 +225,22 @@ fn rows_of_image<'a, F: Real>(
     graph: &Graph<'_, F>,
     size: (usize, usize),
 ) -> Result<&'a mut [F]> {
-    rows_of_planes(out.insert_axis(Axis(0)), graph, size)
+    if graph.channels() != 1 {
+        let what = "output channels of the last layer";
+        return Err(Error::shape(what, 1, graph.channels()));
+    }
+    contiguous_rows(out, size)
 }
 
-/// Return the values of planes, plane after plane. Check their number and size.
-fn rows_of_planes<'a, F: Real>(
-    out: ArrayViewMut3<'a, F>,
-    graph: &Graph<'_, F>,
-    (height, width): (usize, usize),
-) -> Result<&'a mut [F]> {
-    let expected = (graph.channels(), height, width);
-    let received = (out.dim(), out.strides().to_vec());
+/// Return the values of an output, row after row. Check its shape.
+fn contiguous_rows<F, D: Dimension>(
+    out: ArrayViewMut<'_, F, D>,
+    expected: D::Pattern,
+) -> Result<&mut [F]> {
+    let (received, strides) = (out.dim(), out.strides().to_vec());
     match out.into_slice() {
-        Some(rows) if received.0 == expected => Ok(rows),
-        _ => Err(Error::Shape {
-            what: "out",
-            expected: format!("contiguous rows of the shape {expected:?}"),
-            received: format!("the shape {:?} with strides {:?}", received.0, received.1),
-        }),
+        Some(rows) if received == expected => Ok(rows),
+        _ => Err(Error::layout(expected, received, &strides)),
     }
 }
 

@@ -14,9 +14,9 @@ const PIXELS_PER_TASK: usize = 1 << 12;
 impl Reconstruction<'_> {
     /// Replace the outputs of the network with intensities in [0, S].
     pub(super) fn to_intensities(&self, mut out: ArrayViewMut2<'_, f32>) -> Result<()> {
+        let (shape, strides) = (out.dim(), out.strides().to_vec());
         let Some(out) = out.as_slice_mut() else {
-            let expected = "contiguous rows";
-            return Err(Error::shape("out", expected, "another memory layout"));
+            return Err(Error::layout(shape, shape, &strides));
         };
         let response = &self.sensor.response;
         let max = response.max_intensity as f32;

@@ -62,13 +62,15 @@ impl LayerParameters {
     fn into_layer(self) -> Result<Layer<f32>> {
         let shape = self.filters.shape().to_vec();
         let filters = self.filters.into_dimensionality::<Ix4>();
-        let filters = filters.map_err(|_| Error::shape("filters", "4 dimensions", shape))?;
+        let filters =
+            filters.map_err(|_| Error::shape("filters", format_args!("4 dimensions"), shape))?;
         let coefficients = match self.coefficients {
             None => None,
             Some(coefficients) => {
                 let shape = coefficients.shape().to_vec();
                 let coefficients = coefficients.into_dimensionality::<Ix2>();
-                let wrong = |_| Error::shape("coefficients", "2 dimensions", shape);
+                let expected = format_args!("2 dimensions");
+                let wrong = |_| Error::shape("coefficients", expected, shape);
                 Some(coefficients.map_err(wrong)?)
             }
         };
@@ -173,6 +175,9 @@ impl Network {
             bounds: Vec::new(),
             kept: Arc::default(),
         };
+        if network.layers.is_empty() {
+            return Err(Error::range("layers", "at least 1", 0));
+        }
         if let Served::Sensor(sensor) = served {
             sensor.check()?;
         }

@@ -48,8 +48,8 @@ impl<'a> Reconstruction<'a> {
     /// Write the image of counts L from 0 to K into `out`.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the shapes do not match. [`Error::Range`] for a count outside of 0 to K,
-    /// and for networks that weigh each jot of a pixel.
+    /// [`Error::Shape`] if the shapes do not match, or the rows of `out` are not contiguous.
+    /// [`Error::Range`] for a count outside of 0 to K, and for networks that weigh each jot of a pixel.
     pub fn counts(&self, counts: ArrayView2<'_, i32>, out: ArrayViewMut2<'_, f32>) -> Result<()> {
         let pixels = Pixels {
             counts,
@@ -64,8 +64,9 @@ impl<'a> Reconstruction<'a> {
     /// Only networks for many K take different numbers of trials.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the shapes do not match. [`Error::Range`] for trials that are not above
-    /// 0, a count outside of 0 to its trials, and networks for one K.
+    /// [`Error::Shape`] if the shapes do not match, or the rows of `out` are not contiguous.
+    /// [`Error::Range`] for trials that are not above 0, a count outside of 0 to its trials, and
+    /// networks for one K.
     pub fn counts_of_trials(
         &self,
         counts: ArrayView2<'_, i32>,
@@ -88,9 +89,9 @@ impl<'a> Reconstruction<'a> {
     /// light into `out`.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the shapes do not match. [`Error::Range`] for trials that are not above
-    /// 0, a count outside of 0 to its trials, different trials for networks for one K, and networks
-    /// that weigh each jot of a pixel.
+    /// [`Error::Shape`] if the shapes do not match, or the rows of `out` are not contiguous.
+    /// [`Error::Range`] for trials that are not above 0, a count outside of 0 to its trials, different
+    /// trials for networks for one K, and networks that weigh each jot of a pixel.
     pub fn pixels(&self, pixels: &Pixels<'_>, out: ArrayViewMut2<'_, f32>) -> Result<()> {
         let local = self.local_trials_of(pixels)?;
         let level = self.level(&local);
@@ -125,8 +126,8 @@ impl<'a> Reconstruction<'a> {
     /// Write the image of the bits of K̂ × K̂ jots per pixel into `out`.
     ///
     /// # Errors
-    /// [`Error::Shape`] and [`Error::Range`] if the shapes do not match, or the number of bits of a
-    /// pixel is not K.
+    /// [`Error::Shape`] and [`Error::Range`] if the shapes do not match, the rows of `out` are not
+    /// contiguous, or the number of bits of a pixel is not K.
     pub fn bits(
         &self,
         bits: &PackedBits<'_>,
@@ -171,7 +172,7 @@ impl<'a> Reconstruction<'a> {
     /// `out`. [`Network::masked_sums`] returns such sums.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the shapes do not match.
+    /// [`Error::Shape`] if the shapes do not match, or the rows of `out` are not contiguous.
     pub fn sums(&self, sums: ArrayView3<'_, f32>, out: ArrayViewMut2<'_, f32>) -> Result<()> {
         let layers = self.network.layers_for(self.network.own_trials()?, false)?;
         let layers: Vec<_> = layers.iter().collect();
