@@ -12,6 +12,7 @@ mod likelihood;
 mod mle;
 mod model;
 mod model_data;
+mod model_images;
 mod motion_curve;
 mod motion_sums;
 mod motion_velocity;

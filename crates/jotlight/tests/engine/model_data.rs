@@ -49,7 +49,9 @@ fn data_that_a_network_does_not_serve_are_refused() -> Result<()> {
         };
         assert!(Network::new(vec![identity(1)], served).is_err());
     }
-    assert!(Network::new(Vec::new(), Served::Trials { min: 1, max: 2 }).is_err());
+    let none = Network::new(Vec::new(), Served::Trials { min: 1, max: 2 });
+    let message = none.map_or_else(|error| error.to_string(), |_| String::new());
+    assert_eq!(message, "layers: expected at least 1, got 0");
     let mut sets = identity(1);
     sets.filters = ArrayD::ones(IxDyn(&[4, 1, 1, 1, 1]));
     assert!(Network::new(vec![sets], Served::Sensor(own)).is_err());

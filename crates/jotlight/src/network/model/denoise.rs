@@ -203,7 +203,8 @@ fn group(trials: &[LocalTrials]) -> Vec<Vec<usize>> {
             (LocalTrials::Same(one), LocalTrials::Same(other)) => one == other,
             // Images of the same sensor share one map.
             (LocalTrials::Map(one), LocalTrials::Map(other)) => {
-                one.as_ptr() == other.as_ptr() && one.strides() == other.strides()
+                let layouts = [one, other].map(|map| (map.as_ptr(), map.dim(), map.strides()));
+                layouts[0] == layouts[1]
             }
             _ => false,
         };
@@ -275,6 +276,8 @@ fn fraction_of(angle: f32, trials: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use ndarray::s;
+
     use super::*;
 
     #[test]
@@ -292,6 +295,7 @@ mod tests {
     fn images_with_the_same_map_form_a_group() {
         let map = || Array2::<f32>::ones((2, 2)).into_shared();
         let (one, other) = (map(), map());
+        let part = one.clone().slice_move(s![..1, ..]);
         let trials = [
             LocalTrials::Map(one.clone()),
             LocalTrials::Same(3),
@@ -299,8 +303,9 @@ mod tests {
             LocalTrials::Same(3),
             LocalTrials::Map(one.clone()),
             LocalTrials::Same(4),
+            LocalTrials::Map(part),
         ];
-        let expected = [vec![0, 4], vec![1, 3], vec![2], vec![5]];
+        let expected = [vec![0, 4], vec![1, 3], vec![2], vec![5], vec![6]];
         assert_eq!(group(&trials), expected);
     }
 }

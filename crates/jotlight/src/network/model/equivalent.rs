@@ -16,12 +16,12 @@ use crate::network::layer::Layer;
 use crate::values::Values;
 
 impl Reconstruction<'_> {
-    /// Write the images of counts that equal jots would show into `out`. The images of networks for
-    /// many K have the same size.
+    /// Write the images of counts that equal jots would show into `out`.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the shapes do not match. [`Error::Range`] for trials that are not above
-    /// 0, different trials for networks for one K, and networks that weigh each jot of a pixel.
+    /// [`Error::Shape`] if the shapes do not match, or the rows of an image of `out` are not
+    /// contiguous. [`Error::Range`] for counts that are not finite, trials that are not above 0,
+    /// different trials for networks for one K, and networks that weigh each jot of a pixel.
     pub fn equivalent_counts(
         &self,
         images: &[EquivalentCounts<'_>],
@@ -30,8 +30,8 @@ impl Reconstruction<'_> {
         if images.len() != out.len() {
             return Err(Error::shape("out", images.len(), out.len()));
         }
-        if images.iter().any(|image| image.of == 0) {
-            return Err(Error::range("of", "numbers of bits above 0", 0));
+        for (image, out) in images.iter().zip(&out) {
+            image.check(out)?;
         }
         let mut levels: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         let mut others = Vec::new();
@@ -68,9 +68,6 @@ impl Reconstruction<'_> {
             let trials: Vec<_> = trials.collect();
             let found = self.network.denoise(&fractions, &trials, self.zeros)?;
             for (&place, found) in others.iter().zip(found) {
-                if found.dim() != out[place].dim() {
-                    return Err(Error::shape("out", found.dim(), out[place].dim()));
-                }
                 out[place].assign(&found);
             }
         }

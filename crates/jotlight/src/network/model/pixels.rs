@@ -1,8 +1,9 @@
 //! Counts whose pixels may differ, and the counts that equal jots would show.
 
-use ndarray::{ArrayView2, CowArray, Ix2};
+use ndarray::{ArrayView2, ArrayViewMut2, CowArray, Ix2};
 
 use super::levels::LocalTrials;
+use crate::error::{Error, Result};
 use crate::mle::JotResponses;
 use crate::values::Values;
 
@@ -30,6 +31,20 @@ pub struct EquivalentCounts<'a> {
 }
 
 impl EquivalentCounts<'_> {
+    /// Check the counts, and that `out` takes their image.
+    pub(super) fn check(&self, out: &ArrayViewMut2<'_, f32>) -> Result<()> {
+        if self.of == 0 {
+            return Err(Error::range("of", "numbers of bits above 0", 0));
+        }
+        if let Some(count) = self.counts.iter().find(|count| !count.is_finite()) {
+            return Err(Error::range("counts", "finite numbers", count));
+        }
+        if out.dim() != self.counts.dim() || !out.is_standard_layout() {
+            return Err(Error::layout(self.counts.dim(), out.dim(), out.strides()));
+        }
+        Ok(())
+    }
+
     /// Return the counts among K = `level` bits.
     pub(super) fn counts_of(&self, level: u32) -> CowArray<'_, f32, Ix2> {
         if self.of == level {
