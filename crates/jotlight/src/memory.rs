@@ -36,3 +36,20 @@ pub(crate) fn zeros<T: Clone + Default, D: Dimension>(
     check::<T>(what, shape.slice())?;
     Ok(Array::from_elem(shape, T::default()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lack_of_memory_states_the_shape_and_what_to_do() {
+        let message = check::<f64>("weights", &[usize::MAX])
+            .map_or_else(|error| error.to_string(), |()| String::new());
+        let expected = format!(
+            "weights: not enough memory for an array of the shape [{}]; request less at once, \
+             such as a part of the image",
+            usize::MAX
+        );
+        assert_eq!(message, expected);
+    }
+}

@@ -49,10 +49,12 @@ impl<'a> Cells<'a> {
             Sample::Histograms(values) => (values, i32::MAX),
             Sample::Readings(values) => (values, response.max_reading() as i32),
         };
-        if number == 0 || values.len() % number != 0 {
-            return Err(Error::shape("sample", number, values.len()));
+        // Without cells, there are no entries.
+        let entries = values.len().checked_div(number).unwrap_or(0);
+        if entries * number != values.len() {
+            let expected = format_args!("a multiple of {number}, the number of cells");
+            return Err(Error::shape("sample", expected, values.len()));
         }
-        let entries = values.len() / number;
         if let Sample::Histograms(values) = sample {
             if entries > response.max_reading() as usize + 1 {
                 let expected = response.max_reading() as usize + 1;

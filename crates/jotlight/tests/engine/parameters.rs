@@ -173,6 +173,30 @@ fn estimates_of_impossible_sensors_are_errors() -> Result<()> {
 }
 
 #[test]
+fn samples_have_as_many_readings_for_each_cell() -> Result<()> {
+    let response = Response::new(3, 0.0, 1)?;
+    let (one, none) = (Values::Same(1.0), Values::Same(0.0));
+    let cells =
+        |readings, number| Cells::new(&response, Sample::Readings(readings), number, one, none);
+    assert!(cells(&[0; 10], 5).is_ok());
+    // As bits, readings may be those of no cell.
+    assert!(Readings::new(Threshold::new(1)?, &[], one, one, none)?.is_empty());
+    let empty = cells(&[], 0)?;
+    assert!(empty.is_empty());
+    assert!(empty.value(&[])?.abs() < 1e-300);
+    empty.gradient_and_curvature(&[], &mut [], &mut [])?;
+    for (readings, number) in [(&[0; 7][..], 5), (&[0], 0)] {
+        let message =
+            cells(readings, number).map_or_else(|error| error.to_string(), |_| String::new());
+        let received = readings.len();
+        let expected =
+            format!("sample: expected a multiple of {number}, the number of cells, got {received}");
+        assert_eq!(message, expected);
+    }
+    Ok(())
+}
+
+#[test]
 fn likelihoods_of_impossible_sensors_are_errors() -> Result<()> {
     let (q, ones, all) = (Threshold::new(1)?, [3, 4], Values::Same(16.0));
     assert_jots_are_checked(|first, second| {
