@@ -6,7 +6,8 @@
 //!
 //! The engine contains all loops over jots and pixels. It does not depend on Python. It reads no
 //! files but those of networks ([`network::Network`], feature `safetensors`, on by default). Every
-//! function returns the same result for any number of threads.
+//! function but the measurements of [`roofline`] returns the same result for any number of threads.
+//! The target must have 64-bit addresses.
 //!
 //! The equations, sections, and symbols are those of the paper *Learning optimal parameters for
 //! binary sensing image reconstruction algorithms*. `docs/notation.md` lists all symbols.
@@ -61,6 +62,9 @@
 //! assert!((probability - (1.0 - (-0.5f64).exp())).abs() < 1e-15);
 //! # Ok::<(), jotlight::error::Error>(())
 //! ```
+
+#[cfg(not(target_pointer_width = "64"))]
+compile_error!("jotlight needs a 64-bit target, because sizes and positions exceed 32 bits");
 
 pub mod admm;
 pub mod bits;

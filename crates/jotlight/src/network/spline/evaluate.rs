@@ -6,8 +6,8 @@ use super::register_pairs::RegisterPairValues;
 #[cfg(target_arch = "x86_64")]
 use super::registers::{MAX_INTERVALS, RegisterSpline, RegisterValues, SmallSpline};
 #[cfg(target_arch = "x86_64")]
-use crate::cpu;
-use crate::cpu::{Simd, WithSimd, levels};
+use crate::cpu::{self, WithSimd};
+use crate::cpu::{Simd, levels};
 use crate::interrupt;
 use crate::numbers::Real;
 
