@@ -1,6 +1,6 @@
 //! The numbers of trials that condition networks: levels, weights, and local trials.
 
-use jotlight::error::Error;
+use jotlight::error::Result;
 use jotlight::network::{self, LocalTrials};
 use ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
@@ -62,20 +62,14 @@ pub fn level_weights<'py>(
     maps: Vec<PyReadonlyArray2<'_, f32>>,
 ) -> PyResult<Vec<PyLevels<'py>>> {
     let maps: Vec<_> = maps.iter().map(PyReadonlyArray2::as_array).collect();
-    if maps.iter().any(ndarray::ArrayBase::is_empty) {
-        let error = Error::Range {
-            what: "trials",
-            expected: "at least one pixel".to_owned(),
-            received: "none".to_owned(),
-        };
-        return Err(to_python(error));
-    }
-    let found: Vec<_> = py.detach(|| maps.into_iter().map(network::level_weights).collect());
+    let weigh = || maps.into_iter().map(network::level_weights).collect();
+    let found: Result<Vec<_>> = py.detach(weigh);
     let to_arrays = |levels: Vec<(u32, Array2<f32>)>| {
         let levels = levels.into_iter();
         let levels = levels.map(|(level, weights)| (level, weights.into_pyarray(py)));
         levels.collect()
     };
+    let found = found.map_err(to_python)?;
     Ok(found.into_iter().map(to_arrays).collect())
 }
 

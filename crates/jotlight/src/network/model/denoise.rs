@@ -15,7 +15,7 @@ use ndarray::{Array2, ArrayView2, Zip};
 use rayon::prelude::*;
 
 use super::Network;
-use super::levels::{LocalTrials, level_weights};
+use super::levels::{LocalTrials, check_map, level_weights};
 use super::regions::{Band, cover};
 use crate::error::{Error, Result};
 
@@ -106,7 +106,7 @@ impl Denoiser<'_> {
             match trials {
                 LocalTrials::Same(level) => levels.entry(*level).or_default().push((images, None)),
                 LocalTrials::Map(map) => {
-                    for (level, weights) in level_weights(map.view()) {
+                    for (level, weights) in level_weights(map.view())? {
                         let bands = cover(weights.view(), halo);
                         let part = (images.clone(), Some((weights, bands)));
                         levels.entry(level).or_default().push(part);
@@ -186,10 +186,7 @@ fn check_trials(images: &[ArrayView2<'_, f32>], trials: &[LocalTrials]) -> Resul
             if map.dim() != image.dim() {
                 return Err(Error::shape("trials", image.dim(), map.dim()));
             }
-            if let Some(&wrong) = map.iter().find(|&&n| !(n > 0.0 && n.is_finite())) {
-                let expected = "finite numbers above 0";
-                return Err(Error::range("trials", expected, wrong));
-            }
+            check_map(map.view())?;
         }
     }
     Ok(())

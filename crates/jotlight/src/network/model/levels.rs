@@ -5,6 +5,9 @@ use ndarray::{ArcArray, Array2, ArrayView2, Axis, Ix2};
 use crate::error::{Error, Result};
 use crate::filter;
 
+#[cfg(test)]
+mod tests;
+
 /// The maximum ratio of neighboring levels.
 const MAX_RATIO: f64 = std::f64::consts::SQRT_2;
 
@@ -172,11 +175,14 @@ fn levels_of_map(trials: ArrayView2<'_, f32>) -> Vec<u32> {
 ///
 /// The weights of a pixel belong to the largest level up to its trials, and near the next level to
 /// both. Their sum is 1.
-#[must_use]
-pub fn level_weights(trials: ArrayView2<'_, f32>) -> Vec<(u32, Array2<f32>)> {
+///
+/// # Errors
+/// [`Error::Range`] for a map without pixels, and for trials that are not finite and above 0.
+pub fn level_weights(trials: ArrayView2<'_, f32>) -> Result<Vec<(u32, Array2<f32>)>> {
+    check_map(trials)?;
     let levels = levels_of_map(trials);
     if let [level] = levels[..] {
-        return vec![(level, Array2::ones(trials.dim()))];
+        return Ok(vec![(level, Array2::ones(trials.dim()))]);
     }
     let logarithms = levels.iter().map(|&level| f64::from(level).log2());
     let logarithms: Vec<f64> = logarithms.collect();
@@ -201,9 +207,21 @@ pub fn level_weights(trials: ArrayView2<'_, f32>) -> Vec<(u32, Array2<f32>)> {
         let weight = |place: f32| (1.0 - (place - index as f32).abs()).max(0.0);
         (level, places.mapv(weight))
     });
-    weights
+    Ok(weights
         .filter(|(_, weights)| weights.iter().any(|&weight| weight > 0.0))
-        .collect()
+        .collect())
+}
+
+/// Check that a map has pixels, and that all trials are finite and above 0.
+pub(super) fn check_map(trials: ArrayView2<'_, f32>) -> Result<()> {
+    if trials.is_empty() {
+        return Err(Error::range("trials", "at least one pixel", "none"));
+    }
+    let is_wrong = |&&trials: &&f32| !(trials > 0.0 && trials.is_finite());
+    match trials.iter().find(is_wrong) {
+        Some(wrong) => Err(Error::range("trials", "finite numbers above 0", wrong)),
+        None => Ok(()),
+    }
 }
 
 /// Return the number of trials of the largest level of a map.
@@ -219,115 +237,4 @@ fn largest_level(trials: ArrayView2<'_, f32>, largest: f64) -> f64 {
     let is_useful =
         2 * fewer > trials.len() && (fewer - near) as f64 > MIN_SHARE * trials.len() as f64;
     if is_useful { FEWER * largest } else { largest }
-}
-
-#[cfg(test)]
-mod tests {
-    use ndarray::array;
-
-    use super::*;
-
-    #[test]
-    fn levels_have_ratios_of_at_most_the_root_of_two() {
-        assert_eq!(level_range(3.0, 30.0), [3, 4, 6, 8, 11, 15, 21, 30]);
-        assert_eq!(level_range(4.0, 30.0), [4, 6, 8, 11, 15, 21, 30]);
-        assert_eq!(level_range(5.2, 5.4), [5]);
-        for last in 1..2000 {
-            let levels = level_range(1.0, f64::from(last));
-            assert_eq!((levels[0], levels[levels.len() - 1]), (1, last));
-            let pairs = levels.iter().zip(&levels[1..]);
-            assert!(pairs.clone().all(|(low, high)| low < high));
-            // Rounding to whole numbers adds up to a half at both ends.
-            assert!(
-                pairs.clone().all(|(&low, &high)| {
-                    f64::from(high) - 0.5 <= 1.415 * (f64::from(low) + 0.5)
-                })
-            );
-        }
-    }
-
-    #[test]
-    fn weights_sum_to_one_and_rise_from_half_the_way_on() {
-        let trials = array![[8.0, 9.0, 10.0, 11.0]];
-        let weights = level_weights(trials.view());
-        let start = (8.0f64 * 11.0).log2() / 2.0;
-        let rise = ((10.0f64.log2() - start) / (11.0f64.log2() - start)) as f32;
-        assert_eq!(weights[0].0, 8);
-        assert_eq!(weights[1].0, 11);
-        for (column, expected) in [0.0, 0.0, rise, 1.0].into_iter().enumerate() {
-            assert!((weights[1].1[[0, column]] - expected).abs() < 1e-6);
-            assert!((weights[0].1[[0, column]] + expected - 1.0).abs() < 1e-6);
-        }
-    }
-
-    #[test]
-    fn one_level_serves_most_pixels_if_a_few_of_their_bits_are_left_out() {
-        let mut trials = Array2::from_shape_fn((40, 50), |(row, column)| {
-            256.0 - ((row * 7 + column * 13) % 16) as f32
-        });
-        let levels = |trials: &Array2<f32>| {
-            let found = level_weights(trials.view()).into_iter();
-            found.map(|(level, _)| level).collect::<Vec<_>>()
-        };
-        // Without pixels between, the largest level is exact.
-        let two = trials.mapv(|n| if n > 250.0 { 256.0 } else { 100.0 });
-        assert_eq!(levels(&two).last(), Some(&256));
-        // From 90 to 99 % of the largest number, one level serves all.
-        trials.row_mut(0).fill(100.0);
-        assert_eq!(levels(&trials), [100, 230]);
-    }
-
-    /// The lowest pixels then get a level that is at most √2 times as large.
-    #[test]
-    fn a_lowest_level_for_few_pixels_is_left_out() {
-        let mut trials = Array2::from_elem((40, 50), 256.0);
-        let levels = |trials: &Array2<f32>| {
-            let found = level_weights(trials.view()).into_iter();
-            found.map(|(level, _)| level).collect::<Vec<_>>()
-        };
-        trials.row_mut(0).fill(181.0);
-        trials[[0, 0]] = 150.0;
-        assert_eq!(levels(&trials), [181, 256]);
-        for (_, weights) in level_weights(trials.view()) {
-            assert!((weights[[0, 0]] - weights[[0, 1]]).abs() < 1e-6);
-        }
-        trials.row_mut(1).fill(150.0);
-        assert_eq!(levels(&trials), [150, 181, 256]);
-    }
-
-    #[test]
-    fn local_trials_are_harmonic_means() -> Result<()> {
-        let (height, width) = (30, 40);
-        let image = Array2::from_shape_fn((height, width), |(row, column)| {
-            let trials = 4.0 + f64::from((row * 7 + column * 13) as u32 % 23);
-            if column < 20 { trials } else { 8.0 * trials }
-        });
-        for (trials, whole) in [(0.3, 1), (16.0, 16), (16.6, 16), (16.7, 17)] {
-            let same = Array2::from_elem((3, 4), trials);
-            let found = local_trials(same.view())?;
-            assert!(matches!(found, LocalTrials::Same(number) if number == whole));
-        }
-        let LocalTrials::Map(found) = local_trials(image.view())? else {
-            return Err(Error::range("local trials", "a map", "one number"));
-        };
-        let gaussian = |x: i32| (-0.5 * f64::from(x * x) / 9.0).exp();
-        // Beyond the border, the pixels follow in reverse.
-        let mirrored = |place: i32, length: usize| {
-            let place = place.rem_euclid(2 * length as i32) as usize;
-            place.min(2 * length - 1 - place)
-        };
-        for (row, column) in [(0, 0), (15, 20), (29, 3)] {
-            let (mut total, mut sum) = (0.0, 0.0);
-            for (i, j) in ndarray::indices((19, 19)) {
-                let (i, j) = (i as i32 - 9, j as i32 - 9);
-                let weight = gaussian(i) * gaussian(j);
-                total += weight;
-                sum += weight / image[[mirrored(row + i, height), mirrored(column + j, width)]];
-            }
-            let expected = total / sum;
-            let found = f64::from(found[[row as usize, column as usize]]);
-            assert!((found - expected).abs() < 1e-5 * expected);
-        }
-        Ok(())
-    }
 }
