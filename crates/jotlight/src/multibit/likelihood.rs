@@ -130,6 +130,9 @@ impl<'a> Cells<'a> {
 
     /// Return the derivative of one cell about its light, and minus the second one. `scores` are
     /// those of its response.
+    ///
+    /// # Panics
+    /// If there are fewer cells.
     #[must_use]
     pub fn derivatives(&self, cell: usize, light: f64, scores: &ScoreTable<'_>) -> (f64, f64) {
         let efficiency = self.efficiency.get(cell);
@@ -145,6 +148,9 @@ impl<'a> Cells<'a> {
 
     /// Return the expected sum of the readings of one cell, and its derivative about the light.
     /// `moments` is the table of their response.
+    ///
+    /// # Panics
+    /// If there are fewer cells.
     #[must_use]
     pub fn expected_total<F: Fn(f64) -> [f64; 3] + Sync>(
         &self,

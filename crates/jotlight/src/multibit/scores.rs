@@ -20,6 +20,7 @@ const REACH: f64 = 8.0;
 type Node = OnceLock<[f64; 2]>;
 
 /// The nodes of a reading near it.
+#[derive(Debug)]
 struct Nodes {
     /// The number of the first node.
     first: usize,
@@ -27,6 +28,7 @@ struct Nodes {
 }
 
 /// The derivatives of the log-probability of each reading about the rate.
+#[derive(Debug)]
 pub struct ScoreTable<'a> {
     response: &'a Response,
     /// The nodes of each reading. They are empty without read noise.

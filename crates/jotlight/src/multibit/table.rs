@@ -3,6 +3,7 @@
 //! The exact functions are sums over all readings near the rate: hundreds of them for readings of
 //! many bits. Images have far more pixels than a table has nodes.
 
+use std::fmt;
 use std::sync::OnceLock;
 
 /// The smallest rate that is interpolated. The function itself is used below it.
@@ -47,6 +48,13 @@ impl Place {
 pub struct RateTable<F, const N: usize> {
     functions: F,
     nodes: Box<[OnceLock<[f64; N]>]>,
+}
+
+impl<F, const N: usize> fmt::Debug for RateTable<F, N> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut table = formatter.debug_struct("RateTable");
+        table.field("nodes", &self.nodes).finish_non_exhaustive()
+    }
 }
 
 impl<F: Fn(f64) -> [f64; N] + Sync, const N: usize> RateTable<F, N> {

@@ -90,3 +90,11 @@ fn read_noise_that_changes_no_reading_is_refused() {
         assert!(Response::new(3, noise, 1).is_err());
     }
 }
+
+#[test]
+fn tables_can_be_printed() -> Result<()> {
+    let response = Response::new(3, 0.3, 1)?;
+    assert!(format!("{:?}", response.moments_table()).starts_with("RateTable { nodes: "));
+    assert!(format!("{:?}", ScoreTable::new(&response)).starts_with("ScoreTable { response: "));
+    Ok(())
+}
