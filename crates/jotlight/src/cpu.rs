@@ -5,12 +5,14 @@
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use pulp::Scalar;
-pub use pulp::{Simd, WithSimd};
+pub(crate) use pulp::{Simd, WithSimd};
 
 use crate::error::{Error, Result};
 
-/// A level: an instruction set for which the hot loops are compiled.
+/// A level: an instruction set for which the hot loops are compiled. Its variants depend on the
+/// processor for which the crate is compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Level {
     /// Scalar code: one number at a time.
     Scalar,
@@ -90,7 +92,9 @@ impl Level {
 
     /// Set the current level of all threads by its name, or to the fastest one for `None`.
     ///
-    /// The results of different levels agree up to rounding. Integer results are identical.
+    /// The results of different levels agree up to rounding. Integer results are identical. Choose a
+    /// level only while no other function of the engine runs, because parts of one call expect the
+    /// same level.
     ///
     /// # Errors
     /// [`Error::Range`] if the processor supports no level with this name.

@@ -3,6 +3,7 @@
 /// The reason why the engine refuses a call. The message states the expected and the received
 /// value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// An array has the wrong shape, or the shapes of two arrays do not match.
     #[error("{what}: expected {expected}, got {received}")]

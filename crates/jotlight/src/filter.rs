@@ -8,7 +8,7 @@ use crate::border::{mirror_index, reflect_margins};
 use crate::cpu::{self, Simd, WithSimd};
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::numbers::{Lanes, MAX_LANES};
+use crate::lanes::{Lanes, MAX_LANES};
 
 /// The number of SIMD registers of sums that are computed together.
 const VECTORS: usize = 4;

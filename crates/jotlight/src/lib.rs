@@ -46,7 +46,7 @@
 //!
 //! 14. [`error`] defines the error type.
 //! 15. [`values`] defines parameters that are either one value or one value per element.
-//! 16. [`numbers`] defines the floating-point types and their SIMD vectors.
+//! 16. [`numbers`] defines the floating-point types, and `lanes` their SIMD vectors.
 //! 17. [`filter`] blurs images.
 //! 18. [`cpu`] selects the instruction set.
 //! 19. [`threads`] runs calls on a number of threads, and interrupts them.
@@ -78,6 +78,7 @@ pub mod filter;
 mod images;
 mod interrupt;
 pub mod joint;
+mod lanes;
 pub mod likelihood;
 mod memory;
 pub mod mle;

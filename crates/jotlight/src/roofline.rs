@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::cpu::{self, Simd, WithSimd, levels};
 use crate::interrupt;
-use crate::numbers::Lanes;
+use crate::lanes::Lanes;
 
 /// The number of independent sums. It exceeds the number of multiply-adds that a processor executes
 /// at the same time, so no multiply-add waits for another.

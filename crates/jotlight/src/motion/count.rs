@@ -14,8 +14,9 @@ pub struct Counts<'a, C = i32> {
 /// The number of ones or of trials of a pixel.
 ///
 /// Bits are counted in whole numbers. Real numbers are the counts that another sensor would have on
-/// average, so those of ones may lie outside the range from 0 to the number of trials.
-pub trait Count: Copy + PartialOrd + std::fmt::Debug + Send + Sync + 'static {
+/// average, so those of ones may lie outside the range from 0 to the number of trials. Other types
+/// cannot implement this trait.
+pub trait Count: Sealed + Copy + PartialOrd + std::fmt::Debug + Send + Sync + 'static {
     /// What numbers of ones and trials are expected, for messages.
     const EXPECTED: &'static str;
 
@@ -31,6 +32,13 @@ pub trait Count: Copy + PartialOrd + std::fmt::Debug + Send + Sync + 'static {
     /// Return whether a pixel can have these numbers of ones and trials.
     fn are_possible(ones: Self, trials: Self) -> bool;
 }
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for i32 {}
+    impl Sealed for f32 {}
+}
+use sealed::Sealed;
 
 impl Count for i32 {
     const EXPECTED: &'static str = "0 to that of trials";

@@ -13,7 +13,8 @@ use crate::bits::PackedBits;
 use crate::error::Result;
 use crate::numbers::Real;
 
-/// A type of numbers for which the functions of networks are compiled: `f32` or `f64`.
+/// A type of numbers for which the functions of networks are compiled: `f32` or `f64`. Other types
+/// cannot implement this trait.
 pub trait Compiled: Real {
     /// Call [`super::forward_planes`].
     ///

@@ -8,8 +8,9 @@ use std::ops::Range;
 use super::PlanesView;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
+use crate::lanes::MAX_LANES;
 use crate::network::tiling::strips::PlanesMut;
-use crate::numbers::{MAX_LANES, Real};
+use crate::numbers::Real;
 
 /// The maximum number of rows beyond the last one that a tile reads. Their results are discarded.
 pub(super) const SPARE_ROWS: usize = 3;

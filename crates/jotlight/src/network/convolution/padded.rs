@@ -10,9 +10,10 @@ use super::{PlanesView, leading_rows};
 use crate::border::mirror_index;
 use crate::cpu::levels;
 use crate::interrupt;
+use crate::lanes::MAX_LANES;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
-use crate::numbers::{MAX_LANES, Real};
+use crate::numbers::Real;
 
 /// The maximum number of columns beyond the last one that a tile of shifts of the tap gradient reads.
 const SPARE_COLUMNS: usize = 4;

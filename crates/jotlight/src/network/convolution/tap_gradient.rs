@@ -6,7 +6,8 @@ use super::direct::SPARE_ROWS;
 use super::padded::Padded;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
-use crate::numbers::{MAX_LANES, Real};
+use crate::lanes::MAX_LANES;
+use crate::numbers::Real;
 
 /// The number of rows whose sum is computed in the type of the planes. Sums over more rows use
 /// `f64`.

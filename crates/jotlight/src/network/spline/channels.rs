@@ -14,6 +14,7 @@ use crate::{interrupt, memory};
 const MAX_COEFFICIENTS: usize = 1 << 20;
 
 /// Splines without filters, one per channel. PyTorch networks use them as their nonlinearities.
+#[derive(Clone, Debug)]
 pub struct Splines<F>(Vec<Spline<F>>);
 
 impl<F: Real> Splines<F> {

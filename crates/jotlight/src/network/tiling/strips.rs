@@ -7,8 +7,8 @@ use ndarray::{ArrayView, Dimension};
 
 use super::region::Region;
 use crate::error::Result;
+use crate::lanes::MAX_LANES;
 use crate::memory;
-use crate::numbers::MAX_LANES;
 
 /// The number of values to which rows are aligned: a cache line of `f32`. A register that two cache
 /// lines share takes twice as long to read.

@@ -6,8 +6,9 @@ use super::transforms::{DEPTH, transform_input};
 use super::{BLOCK_REGISTERS, TILE};
 use crate::border::mirror_index;
 use crate::cpu::Simd;
+use crate::lanes::MAX_LANES;
 use crate::network::tiling::strips::{PlaneRow, StripedPlanes};
-use crate::numbers::{MAX_LANES, Real};
+use crate::numbers::Real;
 
 /// The rows and columns of the input of a block: rows of tiles, one below the other.
 pub(super) struct InputBlock<'a, F> {
@@ -58,7 +59,7 @@ impl<F: Real> InputBlock<'_, F> {
     /// The order of the tiles in a register is that of [`Lanes::deinterleave`], unless the block has
     /// several rows of tiles.
     ///
-    /// [`Lanes::deinterleave`]: crate::numbers::Lanes::deinterleave
+    /// [`Lanes::deinterleave`]: crate::lanes::Lanes::deinterleave
     #[inline(always)]
     pub fn transform<S: Simd, const N: usize>(
         &self,

@@ -20,9 +20,10 @@ use self::output::{OutputBlock, OutputBuffers};
 use self::products::{PRODUCTS, TransformedFilters};
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
+use crate::lanes::MAX_LANES;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
-use crate::numbers::{MAX_LANES, Real};
+use crate::numbers::Real;
 
 /// The number of rows and of columns of a filter.
 const FILTER_SIZE: usize = 3;

@@ -6,12 +6,13 @@ use std::ops::Range;
 use super::TILE;
 use super::transforms::{DEPTH, transform_output};
 use crate::cpu::Simd;
+use crate::lanes::MAX_LANES;
 use crate::network::precision::round_all_inlined;
 use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strip_workspace::interleave_inlined;
 use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
-use crate::numbers::{MAX_LANES, Real};
+use crate::numbers::Real;
 
 /// The operations of a layer after its convolution.
 ///
@@ -45,7 +46,7 @@ impl OutputBlock {
 
     /// Return whether several rows of tiles fill the registers together. The tiles of a register
     /// then follow each other. Otherwise, they have the order of
-    /// [`Lanes::deinterleave`](crate::numbers::Lanes::deinterleave).
+    /// [`Lanes::deinterleave`](crate::lanes::Lanes::deinterleave).
     fn has_rows_of_tiles(&self) -> bool {
         self.height > TILE
     }
