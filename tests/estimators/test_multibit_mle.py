@@ -255,3 +255,12 @@ def test_plans_find_frames_and_saturation():
     assert bracket.sensor.readings_differ
     with pytest.raises(ValueError, match="expected one gain and one threshold"):
         jl.plan(SENSORS["bracket"], 1.0)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_light_far_beyond_all_readings_has_an_estimate(noise):
+    sensor = jl.Sensor(bit_depth=2, read_noise=noise, frames=4, gain=1e18, max_intensity=1e18)
+    readings = sensor.expose(np.full((8, 8), 0.4, np.float32), rng=0)
+    estimate = jl.mle(readings)
+    assert np.all((estimate >= 0) & (estimate <= 1e18))
+    jl.uncertainty(readings, method="mle")

@@ -163,7 +163,7 @@ def test_a_reading_far_from_the_light_has_a_finite_slope():
     assert gradient[0] > 0
     assert np.isfinite(curvature[0])
     gradient, _ = cells((2, 0.3, 1), 0).gradient_and_curvature([1e6])
-    assert gradient[0] == pytest.approx(-1, abs=0.1)
+    assert gradient[0] == pytest.approx(-1, abs=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -200,6 +200,15 @@ def test_the_information_of_clipped_counts_is_its_closed_form(top):
 def test_at_an_infinite_rate_all_readings_are_the_largest_one(noise):
     probability = reading_probability([0, 1, 2, 3], np.inf, bit_depth=2, read_noise=noise)
     assert probability.tolist() == [0, 0, 0, 1]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_light_that_is_no_number_or_infinite_has_values(noise):
+    likelihood = cells((2, noise, 1), 1)
+    assert np.isnan(likelihood.value([np.nan]))
+    assert np.isnan(likelihood.gradient_and_curvature([np.nan])).all()
+    assert likelihood.value([np.inf]) == -np.inf
+    assert np.array(likelihood.gradient_and_curvature([np.inf])).tolist() == [[-1], [0]]
 
 
 def test_read_noise_that_changes_no_reading_is_refused():
