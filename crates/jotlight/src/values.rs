@@ -85,13 +85,13 @@ pub(crate) fn check_not_negative<F: Real>(what: &'static str, values: &[F]) -> R
     })
 }
 
-/// Check that numbers are finite.
-pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<()> {
+/// Check that values are numbers, which may be infinite.
+pub(crate) fn check_numbers(what: &'static str, values: &[f64]) -> Result<()> {
     let chunks = values.par_chunks(VALUES_PER_TASK);
-    let wrong = chunks.find_map_first(|values| values.iter().find(|value| !value.is_finite()));
-    wrong.map_or(Ok(()), |wrong| {
-        Err(Error::range(what, "finite numbers", wrong))
-    })
+    match chunks.find_any(|values| values.iter().any(|value| value.is_nan())) {
+        Some(_) => Err(Error::range(what, "numbers", f64::NAN)),
+        None => Ok(()),
+    }
 }
 
 #[inline(always)]

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::likelihood::Readings;
 use crate::multibit::{Cells, RateTable, Response, ScoreTable};
-use crate::values::{check_finite, check_not_negative, check_positive};
+use crate::values::{check_not_negative, check_numbers, check_positive};
 use tables::{Tabulated, with_tables};
 
 /// The maximum number of steps of Newton's method with bisection. Most pixels need less than ten.
@@ -127,7 +127,7 @@ impl<'a> JointReadings<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] for another number of intensities or totals. [`Error::Range`] if `highest` is
-    /// not a finite number above 0, `offset` is infinite, NaN, or negative, or a total is not finite.
+    /// not a finite number above 0, `offset` is infinite, NaN, or negative, or a total is NaN.
     pub fn solve_total(
         &self,
         total: &[f64],
@@ -139,7 +139,7 @@ impl<'a> JointReadings<'a> {
             return Err(Error::shape("total", self.pixels, total.len()));
         }
         check_search(highest, offset)?;
-        check_finite("total", total)?;
+        check_numbers("total", total)?;
         let cells = with_tables(&self.terms, Response::moments_table);
         self.for_each_pixel(intensity, |pixel, start| {
             let evaluate = |x: f64| {

@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::error::{Result, check_shape};
 use crate::images::for_each_image;
 use crate::interrupt;
-use crate::values::{check_finite, check_positive};
+use crate::values::{check_numbers, check_positive};
 
 /// The maximum relative size of the last Newton step of the proximal map. The error of the result
 /// is then about the square of this size, 1e-10.
@@ -31,7 +31,7 @@ impl Readings<'_> {
     ///
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty
-    /// that is not above 0, for a `max_light` outside 0 to 10³⁰⁰, or for a point that is not finite.
+    /// that is not above 0, for a `max_light` outside 0 to 10³⁰⁰, or for a point that is NaN.
     pub fn proximal(
         &self,
         penalty: f64,
@@ -42,7 +42,7 @@ impl Readings<'_> {
         check_shape("light", self.len(), point.len())?;
         check_shape("light", self.len(), guess.len())?;
         check_positive("penalty", penalty)?;
-        check_finite("point", point)?;
+        check_numbers("point", point)?;
         let problem = ProximalProblem::new(penalty, max_light, PROXIMAL_TOLERANCE)?;
         point
             .par_chunks_mut(ELEMENTS_PER_CHUNK)
@@ -66,7 +66,7 @@ impl Readings<'_> {
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty or
     /// a relaxation that is not a finite number above 0, for a `max_light` outside 0 to 10³⁰⁰, or for
-    /// light or a dual that is not finite.
+    /// light or a dual that is NaN.
     pub fn admm_update(
         &self,
         steps: &[AdmmStep],
@@ -101,8 +101,8 @@ impl Readings<'_> {
         dual: &mut [f64],
     ) -> Result<f64> {
         step.check()?;
-        check_finite("light", light)?;
-        check_finite("dual", dual)?;
+        check_numbers("light", light)?;
+        check_numbers("dual", dual)?;
         let problem = ProximalProblem::new(step.penalty, max_light, ADMM_TOLERANCE)?;
         let squared_residuals: Vec<f64> = x
             .par_chunks_mut(ELEMENTS_PER_CHUNK)

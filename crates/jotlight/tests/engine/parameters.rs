@@ -35,14 +35,12 @@ pub fn assert_refused<R>(
     }
 }
 
-/// Check that a function refuses numbers that are not finite, and takes others.
-fn assert_not_finite_is_refused<R>(name: &'static str, function: impl Fn(f64) -> Result<R>) {
-    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let refused = function(value).err();
-        let is_named = matches!(refused, Some(Error::Range { what, .. }) if what == name);
-        assert!(is_named, "{name} = {value}: {refused:?}");
-    }
-    for value in [-0.5, 0.0, 0.5] {
+/// Check that a function refuses NaN, and takes all numbers.
+fn assert_nan_is_refused<R>(name: &'static str, function: impl Fn(f64) -> Result<R>) {
+    let refused = function(f64::NAN).err();
+    let is_named = matches!(refused, Some(Error::Range { what, .. }) if what == name);
+    assert!(is_named, "{name}: {refused:?}");
+    for value in [f64::NEG_INFINITY, -0.5, 0.0, 0.5, f64::INFINITY] {
         assert!(function(value).is_ok(), "{name} = {value}");
     }
 }
@@ -221,7 +219,7 @@ fn likelihoods_of_impossible_sensors_are_errors() -> Result<()> {
         assert!(matches!(result, Err(Error::Shape { what: "cells", .. })));
     }
     let joint = JointReadings::new(vec![term(1.0)], 1, 2)?;
-    assert_not_finite_is_refused("total", |total| {
+    assert_nan_is_refused("total", |total| {
         joint.solve_total(&[1.0, total], 1.0, 0.0, &mut [0.1; 2])
     });
     let start = || [0.1; 2];
@@ -282,7 +280,7 @@ fn impossible_parameters_of_iterations_are_errors() -> Result<()> {
     assert_refused("penalty", false, |penalty| {
         readings.proximal(penalty, 1.0, &[0.1; 2], &mut [0.1; 2])
     });
-    assert_not_finite_is_refused("point", |point| {
+    assert_nan_is_refused("point", |point| {
         readings.proximal(1.0, 1.0, &[0.1; 2], &mut [0.1, point])
     });
     let update = |light, dual| {
@@ -292,7 +290,7 @@ fn impossible_parameters_of_iterations_are_errors() -> Result<()> {
         };
         readings.admm_update(&step, 1.0, &[0.1, light], &mut [0.1; 2], &mut [0.0, dual])
     };
-    assert_not_finite_is_refused("light", |light| update(light, 0.0));
-    assert_not_finite_is_refused("dual", |dual| update(0.1, dual));
+    assert_nan_is_refused("light", |light| update(light, 0.0));
+    assert_nan_is_refused("dual", |dual| update(0.1, dual));
     Ok(())
 }
