@@ -27,6 +27,7 @@ const DIRECT_BLOCK_COLUMNS: usize = 512;
 #[derive(Clone, Debug)]
 pub(super) struct FilterTiles<F> {
     values: Vec<F>,
+    tile_rows: usize,
     rows: usize,
     columns: usize,
 }
@@ -53,6 +54,7 @@ impl<F: Real> FilterTiles<F> {
         }
         Self {
             values,
+            tile_rows,
             rows,
             columns,
         }
@@ -102,11 +104,10 @@ impl<F: Real> WithSimd for DirectCorrelation<'_, '_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // The condition is a constant, so only the tile of this instruction set is compiled.
-        if const { S::REGISTER_COUNT < 32 } {
-            self.run::<S, 3, 3>(simd);
-        } else {
+        if self.filter.tile_rows == 4 {
             self.run::<S, 4, 4>(simd);
+        } else {
+            self.run::<S, 3, 3>(simd);
         }
     }
 }

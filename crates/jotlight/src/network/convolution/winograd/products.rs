@@ -96,21 +96,14 @@ impl<F: Real> TransformedFilters<F> {
                     [..self.inputs * N * F::lanes::<S>()],
                 sums: F::vectors_mut::<S>(&mut sums[product * strides.1..]),
             };
-            // The condition is a constant, so only the groups of this instruction set are compiled.
-            if const { S::REGISTER_COUNT < 32 } {
-                match self.group {
-                    6 => work.run::<6>(),
-                    5 => work.run::<5>(),
-                    _ => work.run::<4>(),
-                }
-            } else {
-                match self.group {
-                    13 => work.run::<13>(),
-                    12 => work.run::<12>(),
-                    10 => work.run::<10>(),
-                    8 => work.run::<8>(),
-                    _ => work.run::<4>(),
-                }
+            match self.group {
+                13 => work.run::<13>(),
+                12 => work.run::<12>(),
+                10 => work.run::<10>(),
+                8 => work.run::<8>(),
+                6 => work.run::<6>(),
+                5 => work.run::<5>(),
+                _ => work.run::<4>(),
             }
         }
     }
