@@ -7,7 +7,7 @@ use crate::bits::{contiguous, packed_width};
 use crate::cpu::levels;
 #[cfg(doc)]
 use crate::error::Error;
-use crate::error::{Result, check_shape};
+use crate::error::{Error, Result, check_shape};
 
 /// The number of rows that one task adds.
 const ROWS_PER_TASK: usize = 32;
