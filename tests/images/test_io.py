@@ -13,7 +13,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight import JotlightWarning
 from jotlight.formats import limits
-from jotlight.images.io import image_writer, read_image, read_note
+from jotlight.images.io import image_writer, read_image
 
 GRAY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
 COLOR = np.stack([GRAY, GRAY[::-1], 1 - GRAY], axis=-1)
@@ -256,35 +256,6 @@ def test_the_error_of_a_truncated_16_bit_png_names_it(tmp_path, length):
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(ValueError, match=r"a\.png"):
         read_image(path)
-
-
-def test_a_photograph_in_postscript_starts_no_other_program(tmp_path, monkeypatch):
-    def start(*args, **options):
-        raise AssertionError("starts a program")
-
-    monkeypatch.setattr("subprocess.Popen", start)
-    path = tmp_path / "a.jpg"
-    path.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 64 64\n%%EndComments\n")
-    with pytest.raises(ValueError, match=r"a\.jpg: .*no known format fits"):
-        read_image(path)
-    assert read_note(path) == {}
-
-
-@pytest.mark.parametrize("kind", ["TIFF", "ICO", "ICNS", "JPEG2000", "TGA"])
-def test_only_known_formats_are_opened_by_pillow(tmp_path, kind):
-    path = tmp_path / "a.jpg"
-    with path.open("wb") as file:
-        Image.new("RGB", (64, 64)).save(file, kind)
-    with pytest.raises(ValueError, match="no known format fits"):
-        read_image(path)
-
-
-@pytest.mark.parametrize("kind", ["PNG", "JPEG", "BMP", "WEBP", "PPM", "GIF"])
-def test_the_content_of_a_photograph_decides_its_format(tmp_path, kind):
-    path = tmp_path / "a.jpg"
-    with path.open("wb") as file:
-        Image.new("RGB", (4, 5), "white").save(file, kind)
-    np.testing.assert_allclose(read_image(path), 1)
 
 
 @pytest.mark.parametrize("ending", ["bmp", "pgm", "tif", "png", "npy"])

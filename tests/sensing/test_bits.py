@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from reference.sensing import block_counts
 

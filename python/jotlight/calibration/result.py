@@ -22,8 +22,8 @@ from jotlight.calibration.steadiness import Steadiness
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.crop import noted_region
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import Tensors, read_tensors, write_tensors

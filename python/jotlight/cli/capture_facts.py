@@ -8,7 +8,7 @@ from jotlight.cli.console import progress
 from jotlight.cli.jot_checks import jot_remarks
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 

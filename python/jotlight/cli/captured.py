@@ -17,8 +17,8 @@ from jotlight.formats.description import companion_files
 from jotlight.sensing.alike_frames import check_cycles, exposure_cycle, repeat_exposures
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.frames import read_frames
-from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.scaled_counts import scaled_counts_hint

@@ -43,10 +43,10 @@ from jotlight.networks.pretrained import (
     pretrained,
     pretrained_conditional,
 )
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.pixel_counts import (
     Data,
     GrayImages,
-    carried_sensor,
     gray_images,
     prepare_data,
 )

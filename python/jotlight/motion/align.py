@@ -31,8 +31,8 @@ from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.contradictions import warn_about_contradictions
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.periodic_rates import warn_about_periods
-from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.reading_groups import refuse_mosaic, without_mosaic
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor

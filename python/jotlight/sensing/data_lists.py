@@ -10,6 +10,7 @@ from jotlight.checks import refuse_masked
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.readings import Readings
+from jotlight.sensing.sensor import Sensor
 
 
 def list_of_data(data: object) -> list[Bits | Readings | Merged]:
@@ -60,3 +61,21 @@ def _check_counts(data: Sequence[Any]) -> None:
             f"data: expected counts of the same shape in a list, got {shapes[0]} and {shapes[1]}; "
             "pass those of other shapes in another call"
         )
+
+
+def carried_sensor(data: object) -> Sensor | None:
+    """Return the sensor of bits or of merged counts. Return None for counts and bits without one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the sensor of the bits is not a :class:`jotlight.Sensor`, or those of a list differ.
+    """
+    if sensors := [carried_sensor(each) for each in list_of_data(data)]:
+        if any(each != sensors[0] for each in sensors):
+            raise ValueError("data: expected bits of the same sensor, got different ones")
+        return sensors[0]
+    sensor = data.sensor if isinstance(data, Bits | Readings | Merged) else None
+    if not isinstance(sensor, Sensor | None):
+        raise TypeError(f"sensor: expected jotlight.Sensor, got {type(sensor).__name__}")
+    return sensor

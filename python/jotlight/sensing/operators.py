@@ -111,36 +111,6 @@ class Spread(Operator):
         return self.weighted_normal(weights, image)
 
 
-def require_operator(operator: object) -> None:
-    """Raise TypeError for anything but an operator, with how to make one of it.
-
-    Examples
-    --------
-    >>> require_operator(np.eye(3))
-    Traceback (most recent call last):
-      ...
-    TypeError: operator: expected a jotlight.operators.Operator, got ndarray; a matrix A is ...
-    """
-    if isinstance(operator, Operator):
-        return
-    if hasattr(operator, "forward"):
-        advice = "pass jotlight.operators.Operator(own.forward, own.adjoint, input_shape, "
-        advice += "output_shape)"
-    elif hasattr(operator, "matvec"):
-        advice = (
-            "a LinearOperator A of SciPy, whose vectors are raveled images, is "
-            "jotlight.operators.Operator(lambda x: A.matvec(x.ravel()).reshape(output_shape), "
-            "lambda y: A.rmatvec(y.ravel()).reshape(input_shape), input_shape, output_shape)"
-        )
-    else:
-        advice = (
-            "a matrix A is jotlight.operators.Operator(lambda x: A @ x, lambda y: A.T @ y, "
-            "(A.shape[1],), (A.shape[0],))"
-        )
-    kind = type(operator).__name__
-    raise TypeError(f"operator: expected a jotlight.operators.Operator, got {kind}; {advice}")
-
-
 def scaling(shape: Sequence[int], factor: float) -> Scaling:
     """Return the operator that multiplies every pixel by `factor`.
 

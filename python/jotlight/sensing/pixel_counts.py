@@ -15,7 +15,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.contradictions import warn_about_contradictions
 from jotlight.sensing.counting import count_ones
-from jotlight.sensing.data_lists import list_of_data
+from jotlight.sensing.data_lists import carried_sensor, list_of_data
 from jotlight.sensing.maps import constant_or_map, mean_dark_counts, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged, check_sensor_of_merged, refuse_finer_grid
 from jotlight.sensing.periodic_rates import warn_about_periods
@@ -165,24 +165,6 @@ PreparedData = Bits | Readings | Merged | npt.NDArray[np.int32] | GrayImages
 
 Data = PreparedData | Sequence[Bits] | Sequence[Readings] | Sequence[Merged] | npt.ArrayLike
 """Bits, readings of several bits, merged counts, or a list of them; or counts (..., H, W)."""
-
-
-def carried_sensor(data: Data) -> Sensor | None:
-    """Return the sensor of bits or of merged counts. Return None for counts and bits without one.
-
-    Raises
-    ------
-    TypeError, ValueError
-        When the sensor of the bits is not a :class:`jotlight.Sensor`, or those of a list differ.
-    """
-    if sensors := [carried_sensor(each) for each in list_of_data(data)]:
-        if any(each != sensors[0] for each in sensors):
-            raise ValueError("data: expected bits of the same sensor, got different ones")
-        return sensors[0]
-    sensor = data.sensor if isinstance(data, Bits | Readings | Merged) else None
-    if not isinstance(sensor, Sensor | None):
-        raise TypeError(f"sensor: expected jotlight.Sensor, got {type(sensor).__name__}")
-    return sensor
 
 
 def prepare_data(

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.checks import positive_number
 from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.operators import Operator, require_operator
+from jotlight.sensing.operators import Operator
 from jotlight.sensing.response import (
     Array,
     detection_density,
@@ -64,7 +64,7 @@ class Problem:
     max_intensity: float = 1.0
 
     def __post_init__(self) -> None:
-        require_operator(self.operator)
+        _require_operator(self.operator)
         if self.operator.output_shape not in (self.likelihood.shape, self.likelihood.shape[1:]):
             raise ValueError(
                 f"operator: expected light of the bits' shape {self.likelihood.shape}, "
@@ -153,3 +153,33 @@ class Problem:
     def log_likelihood(self, image: npt.ArrayLike) -> float:
         """Return ℓ(A c) in nats, summed over all cells."""
         return self.likelihood.value(self.operator.forward(np.asarray(image, np.float64)))
+
+
+def _require_operator(operator: object) -> None:
+    """Raise TypeError for anything but an operator, with how to make one of it.
+
+    Examples
+    --------
+    >>> _require_operator(np.eye(3))
+    Traceback (most recent call last):
+      ...
+    TypeError: operator: expected a jotlight.operators.Operator, got ndarray; a matrix A is ...
+    """
+    if isinstance(operator, Operator):
+        return
+    if hasattr(operator, "forward"):
+        advice = "pass jotlight.operators.Operator(own.forward, own.adjoint, input_shape, "
+        advice += "output_shape)"
+    elif hasattr(operator, "matvec"):
+        advice = (
+            "a LinearOperator A of SciPy, whose vectors are raveled images, is "
+            "jotlight.operators.Operator(lambda x: A.matvec(x.ravel()).reshape(output_shape), "
+            "lambda y: A.rmatvec(y.ravel()).reshape(input_shape), input_shape, output_shape)"
+        )
+    else:
+        advice = (
+            "a matrix A is jotlight.operators.Operator(lambda x: A @ x, lambda y: A.T @ y, "
+            "(A.shape[1],), (A.shape[0],))"
+        )
+    kind = type(operator).__name__
+    raise TypeError(f"operator: expected a jotlight.operators.Operator, got {kind}; {advice}")

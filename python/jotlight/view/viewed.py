@@ -11,7 +11,7 @@ from jotlight.formats.capture import Capture, CountStack, assumed_sensor_note
 from jotlight.kept import kept_property
 from jotlight.sensing.alike_frames import exposure_cycle, repeat_exposures
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor

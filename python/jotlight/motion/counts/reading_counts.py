@@ -31,9 +31,9 @@ from jotlight.motion.motion import Motion
 from jotlight.sensing.alike_frames import exposure_cycle
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.reading_groups import without_mosaic
 from jotlight.sensing.readings import Readings

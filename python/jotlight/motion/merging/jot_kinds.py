@@ -15,8 +15,8 @@ from jotlight.motion.merging.threshold_maps import join_thresholds, sensors_of_t
 from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.reading_groups import frames_differ, without_mosaic
 from jotlight.sensing.sensor import Sensor
 

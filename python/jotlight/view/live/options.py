@@ -20,8 +20,8 @@ from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.data_lists import carried_sensor
 from jotlight.sensing.frames import Packed
-from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.reading_groups import frames_differ
 from jotlight.sensing.sensor import Sensor
