@@ -45,33 +45,22 @@ def test_the_longest_chain_of_units_is_short(imports):
 
 
 @pytest.mark.parametrize(
-    ("module", "allowed"),
+    ("folder", "lower"),
     [
-        (
-            "bits",
-            {
-                "bits_checks",
-                "byte_levels",
-                "channels",
-                "counting",
-                "crop",
-                "frame_sequence",
-                "frames",
-                "lazy",
-                "preview",
-                "provenance",
-                "sensor_like",
-                "slices",
-            },
-        ),
-        ("simulate", {"intensity_scale", "output_images", "sensor_like", "slices"}),
-        ("response", set()),
+        ("parameters", set()),
+        ("bits", {"parameters"}),
+        ("drawing", {"parameters", "bits"}),
+        ("data", {"parameters", "bits", "sensor", "merged"}),
+        ("likelihood", {"parameters", "bits", "sensor", "merged", "data"}),
     ],
 )
-def test_modules_of_the_sensor_import_only_what_lies_below_it(imports, module, allowed):
-    targets = imports.module_graph()[f"jotlight.sensing.{module}"]
-    own = {name for name in targets if name.startswith("jotlight.sensing.")}
-    assert own == {f"jotlight.sensing.{name}" for name in allowed}
+def test_folders_of_the_sensor_import_only_what_lies_below_them(imports, folder, lower):
+    prefix = "jotlight.sensing."
+    graph = imports.module_graph().items()
+    inside = [targets for module, targets in graph if module.startswith(f"{prefix}{folder}.")]
+    assert len(inside) > 3
+    targets = {name.removeprefix(prefix) for name in set().union(*inside) if prefix in name}
+    assert {name.split(".")[0] for name in targets} <= lower | {folder}
 
 
 def test_no_module_imports_the_package_itself(imports):

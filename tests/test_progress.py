@@ -11,7 +11,7 @@ from jotlight.calibration import find_hot_jots, steadiness
 from jotlight.formats import open_capture, verify_capture
 from jotlight.images.sets import read_image_set
 from jotlight.progress import bars, equal_steps, shown_progress
-from jotlight.sensing.periodic_rates import find_periodic_rates
+from jotlight.sensing.data.periodic_rates import find_periodic_rates
 from jotlight.training.photographs import read_photographs
 
 SENSOR = jl.Sensor(oversampling=3)

@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 import jotlight as jl
 from jotlight.evaluation.color_intervals import MosaicPixels
 from jotlight.evaluation.error_scale import COLOR_FILE, error_model, error_terms
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.training import random_mosaic
 
 TRIALS = 1, 2, 4, 9, 16, 36, 64, 256, 1000

@@ -34,7 +34,7 @@ from jotlight.evaluation.error_scale import (
 from jotlight.evaluation.interval_pixels import Pixels
 from jotlight.evaluation.intervals import estimate_halves
 from jotlight.evaluation.known_errors import TYPICAL_DEVIATION
-from jotlight.sensing.pixel_counts import count_pixels
+from jotlight.sensing.data.pixel_counts import count_pixels
 
 TRIALS = 1, 2, 3, 4, 6, 9, 16, 25, 36, 64, 100, 256, 1024, 4096
 PHOTONS = 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0

@@ -82,7 +82,7 @@ class Imports:
 
 
 def unit(module: str) -> str:
-    """Return the unit of a module: `sensing` for `jotlight.sensing.bits`."""
+    """Return the unit of a module: `sensing` for `jotlight.sensing.bits.bits`."""
     parts = module.split(".")
     return parts[1] if len(parts) > 1 and parts[1] != "__main__" else parts[0]
 

@@ -26,7 +26,7 @@ from jotlight.networks.color_planes import PLANES
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE, pretrained_color
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training import ColorDrawings, ColorPatches, PatchMixture, random_mosaic
 
 BATCH, PATCH = 16, 64

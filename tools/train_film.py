@@ -35,8 +35,8 @@ from jotlight.networks.film_planes import START, Counts, film_planes, usual_tria
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.pretrained import FILM_FILE, FILM_START, FOLDER
-from jotlight.sensing.binomial import arcsin_root
-from jotlight.sensing.reference import response_of
+from jotlight.sensing.likelihood.reference import response_of
+from jotlight.sensing.parameters.binomial import arcsin_root
 from jotlight.training.film_patches import FilmExample, FilmPatches
 
 BATCH, PATCH = 16, 64

@@ -15,7 +15,7 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.calibration import find_periodic_rates
-from jotlight.sensing.pixel_counts import gray_images
+from jotlight.sensing.data.pixel_counts import gray_images
 
 SENSOR = jl.Sensor(frames=16)
 

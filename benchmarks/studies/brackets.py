@@ -23,11 +23,11 @@ import numpy.typing as npt
 from scipy import stats
 
 import jotlight as jl
-from jotlight.estimators.bracketing import intensity_range
-from jotlight.estimators.joint_mle import maximize
+from jotlight.estimators.planning.bracketing import intensity_range
+from jotlight.estimators.readings.joint_mle import maximize
 from jotlight.images.sets import read_image_set
-from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
+from jotlight.sensing.likelihood.reference import saturation_intensity
 
 Array = npt.NDArray[np.float64]
 

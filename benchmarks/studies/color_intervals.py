@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import jotlight as jl
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 SIDE = 256
 LEVEL = 0.9

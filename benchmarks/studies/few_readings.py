@@ -22,7 +22,7 @@ from unittest.mock import patch
 import numpy as np
 
 import jotlight as jl
-from jotlight.estimators import merge_near
+from jotlight.estimators.readings import merge_near
 
 SENSORS = {
     "gains 1, 2, 3, 4": jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]),

@@ -18,7 +18,7 @@ import jotlight as jl
 from jotlight.calibration.evenness import light_structure
 from jotlight.calibration.light import WINDOW
 from jotlight.datasets.scenes import PHOTOGRAPHS
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 SHAPE = (128, 128)
 

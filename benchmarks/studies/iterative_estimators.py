@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.estimators.problem_building import build_problem
+from jotlight.estimators.iterative.problem_building import build_problem
 from jotlight.images.io import read_image
 
 

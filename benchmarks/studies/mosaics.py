@@ -29,9 +29,9 @@ from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks import mosaic_planes, pretrained
 from jotlight.networks.color_inference import planes_of_channels, planes_of_mosaic
 from jotlight.networks.color_planes import CENTER, START
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 
 Array = npt.NDArray[np.floating]
 

@@ -17,11 +17,11 @@ import torch
 
 import jotlight as jl
 from jotlight.estimators.merge_readings import merge_images
-from jotlight.estimators.reference_sensors import reference_sensor
+from jotlight.estimators.readings.reference_sensors import reference_sensor
 from jotlight.images.sets import read_image_set
 from jotlight.metrics import psnr
 from jotlight.networks.pretrained import FOLDER, MAX_TRIALS
-from jotlight.sensing.pixel_counts import gray_images, prepare_data
+from jotlight.sensing.data.pixel_counts import gray_images, prepare_data
 from jotlight.torch import Network
 from jotlight.torch.estimates import intensity_from_probability
 from jotlight.training import ImagePatches

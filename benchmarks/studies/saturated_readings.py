@@ -15,8 +15,8 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.networks.mosaic_planes import plane_sensors
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.reference import reading_information
+from jotlight.sensing.likelihood.reference import reading_information
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 PART = slice(40, 296), slice(100, 356)
 PHOTOGRAPHS = "astronaut", "coffee"

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from jotlight.calibration.hot_jots import find_hot_jots
 from jotlight.images.io import read_image
 from jotlight.images.sets import ENDINGS
-from jotlight.sensing.periodic_rates import find_periodic_rates
+from jotlight.sensing.data.periodic_rates import find_periodic_rates
 
 PHOTONS = 0.05, 0.7
 """Mean photons per jot and frame."""

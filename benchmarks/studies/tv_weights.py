@@ -15,7 +15,7 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.estimators import tv
-from jotlight.estimators.problem_building import build_problem
+from jotlight.estimators.iterative.problem_building import build_problem
 from jotlight.images.io import read_image
 
 EXPOSURES = ((2, 1.0), (4, 0.1), (4, 0.3), (4, 1.0), (4, 3.0), (8, 1.0))

@@ -48,11 +48,9 @@ The names of another folder have a section after these, whose title is that of t
 """
 
 USED_NAMES = {
-    "jotlight.estimators.bracketing": ("best_threshold", "intensity_range", "snr_bound"),
+    "jotlight.estimators.planning.bracketing": ("best_threshold", "intensity_range", "snr_bound"),
     "jotlight.images.io": ("image_writer",),
     "jotlight.images.tone": ("Tone",),
-    "jotlight.estimators.planned_motion": ("MotionPlan", "SceneModel", "plan_motion"),
-    "jotlight.sensing.mosaic": ("Mosaic",),
     "jotlight.torch.deepinv": (
         "BitLikelihood",
         "NetworkDenoiser",

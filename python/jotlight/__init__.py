@@ -19,7 +19,6 @@ import lazy_loader
 from jotlight._engine import __version__
 
 _OTHER_NAMES = {
-    "Mosaic": "sensing.mosaic.Mosaic, or Sensor(mosaic=...) with its letters",
     "convert": "save(jotlight.open(path), other_path)",
     "fine_tune": "torch.fine_tune(network, bits)",
     "info": "open(path), whose repr states the size and the sensor, or run `jotlight info`",
@@ -30,7 +29,6 @@ _OTHER_NAMES = {
     "imsave": "save_image",
     "imwrite": "save_image",
     "load": "open(path) for a capture, and jotlight.Network.load(path) for a network",
-    "plan_motion": "estimators.planned_motion.plan_motion",
     "psnr": "metrics.psnr",
     "show": "save_image(path, image) to look at an image",
     "ssim": "metrics.ssim",

@@ -12,7 +12,7 @@ from jotlight.checks import positive_number, refuse_masked, require_intensities,
 from jotlight.errors import warn
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
-from jotlight.sensing.intensity_scale import gray_levels
+from jotlight.sensing.parameters.intensity_scale import gray_levels
 
 __all__ = ["WINDOW", "psnr", "snr", "ssim"]
 

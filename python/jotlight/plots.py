@@ -22,8 +22,8 @@ from jotlight.networks.figure import draw_layers
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.output_files import open_output
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
 from jotlight.training.history import History
 
 if TYPE_CHECKING:

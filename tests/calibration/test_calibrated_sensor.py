@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from flat_captures import flat_scene
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 
 def calibrate(light, frames=400, seed=0, dark=0.01, **options):

@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.calibration.jot_mosaics import mosaic_of_jots, mosaic_of_pixels
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 SHAPE = (48, 72)
 PIXELS = {

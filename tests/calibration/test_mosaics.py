@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 SHAPE = (160, 160)
 

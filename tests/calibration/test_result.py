@@ -8,8 +8,8 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import jotlight as jl
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.provenance import Provenance
 
 
 @pytest.fixture(scope="module")

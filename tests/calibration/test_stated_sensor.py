@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.calibration.stated_sensor import stated_sensor
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 
 STATED = jl.Sensor(frames=6, gain=2.0, max_intensity=3.0)
 CAPTURE = {"frames": 8, "jots": (16, 24), "provenance": None}

@@ -10,7 +10,7 @@ from scipy.stats import binom, norm
 import jotlight as jl
 from jotlight.calibration import steadiness
 from jotlight.calibration.steadiness import block_frames
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 import jotlight as jl
 from jotlight.cli import console
 from jotlight.evaluation.methods import METHODS
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.training import Record
 from terminals import on_a_terminal
 

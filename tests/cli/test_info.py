@@ -8,7 +8,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.formats.writing import write_capture
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from servers import http_server
 
 COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)

@@ -14,7 +14,7 @@ from folders import file_names
 from jotlight.formats.capture import CountStack
 from jotlight.formats.checksums import file_checksum
 from jotlight.images.io import read_image, read_note
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from moving import record
 
 

@@ -9,7 +9,7 @@ import jotlight as jl
 import jotlight._engine as engine
 from jotlight.evaluation.methods import METHODS
 from jotlight.networks.engine_backed import EngineBacked
-from jotlight.sensing.pixel_counts import GrayImages
+from jotlight.sensing.data.pixel_counts import GrayImages
 from reference.iterative import scene
 
 SHAPE = 15, 17

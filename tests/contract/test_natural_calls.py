@@ -11,7 +11,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 
 SENSOR = jl.Sensor(frames=16)
 IMAGE = jl.datasets.photograph()[100:164, 180:260]
@@ -261,9 +261,7 @@ def test_habits_of_other_libraries_lead_to_the_call(call, error, message):
         ("convert", "save(jotlight.open(path)"),
         ("view", "open(path).show(viewer=True)"),
         ("info", "open(path)"),
-        ("Mosaic", "sensing.mosaic.Mosaic"),
         ("load", "open(path)"),
-        ("plan_motion", "estimators.planned_motion.plan_motion"),
         ("psnr", "metrics.psnr"),
         ("show", "save_image(path"),
     ],

@@ -9,7 +9,7 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.layout import Layout
-from jotlight.sensing.output_images import OutputImages, check_out
+from jotlight.sensing.bits.output_images import OutputImages, check_out
 
 SENSOR = jl.Sensor(oversampling=2, frames=8)
 SHAPE = 15, 17

@@ -7,14 +7,14 @@ import pytest
 
 import jotlight as jl
 import jotlight._engine as engine
+from jotlight.estimators.readings.whole_counts import diffuse
 from jotlight.estimators.trial_levels import count_local_trials, local_trials
 from jotlight.estimators.vst import anscombe
-from jotlight.estimators.whole_counts import diffuse
 from jotlight.motion.films.film import film
 from jotlight.motion.outlines.depth import Gain
 from jotlight.networks.pretrained import pretrained_conditional
 from jotlight.networks.trials_map import denoise_map
-from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.data.pixel_counts import PixelCounts
 
 SENSOR = jl.Sensor(frames=32)
 SEVERAL = jl.Sensor(frames=4, bit_depth=4)

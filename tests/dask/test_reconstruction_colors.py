@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.dask.estimator import choose_estimator
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 SCENE = jl.datasets.photograph("astronaut")[40:160:4, 160:288:4].astype(np.float64)
 RANDOM = Mosaic(np.random.default_rng(0).integers(4, size=SCENE.shape[:2]), "RGBW")

@@ -8,7 +8,7 @@ import jotlight as jl
 from jotlight.dask import streaming
 from jotlight.dask.spans import Spans
 from jotlight.dask.streaming import Checksum, WindowCounter
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 
 def random_frames(frames, height=4, width=11):

@@ -52,7 +52,7 @@ NEEDS = {
 
 
 LONG_DOCSTRINGS = [
-    "jotlight.estimators.bracketing",
+    "jotlight.estimators.planning.bracketing",
     "jotlight.estimators.dead_time",
     "jotlight.motion.align",
     "jotlight.motion.films.film",

@@ -14,11 +14,8 @@ import jotlight as jl
 
 PACKAGES = "calibration", "estimators", "evaluation", "formats", "motion", "networks", "training"
 MODULES = {
-    "estimators.planned_motion": ("MotionPlan", "SceneModel"),
     "images.tone": ("Tone",),
-    "motion.films.image": ("FilmImage",),
     "plots": ("Panel",),
-    "sensing.mosaic": ("Mosaic",),
 }
 """Classes outside `__all__` that the reference describes."""
 

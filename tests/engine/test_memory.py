@@ -89,7 +89,7 @@ import contextlib
 import sys
 from jotlight.cli import app
 from jotlight.formats.writing import write_capture
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 shape = (1_000_000, 16, 8)
 frames = Frames(shape, lambda a, b: np.full((b - a, *shape[1:]), 0x55, np.uint8))

@@ -4,7 +4,7 @@ from scipy.optimize import minimize_scalar
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.estimators import admm_splitting
+from jotlight.estimators.iterative import admm_splitting
 from jotlight.images.io import read_image
 from reference import iterative
 from reference.iterative import scene

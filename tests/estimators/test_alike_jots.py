@@ -11,8 +11,8 @@ import pytest
 import jotlight as jl
 from jotlight.estimators.alike_jots import DifferentJots, alike_fractions
 from jotlight.metrics import psnr
-from jotlight.sensing.reference import Jot
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.likelihood.reference import Jot
+from jotlight.sensing.parameters.response import detection_probability
 
 SIZE = 96, 96
 RNG = np.random.default_rng(0)

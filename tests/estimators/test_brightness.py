@@ -11,7 +11,7 @@ from jotlight.estimators.brightness import (
     unit_scale,
 )
 from jotlight.layout import Layout
-from jotlight.sensing.pixel_counts import GrayImages
+from jotlight.sensing.data.pixel_counts import GrayImages
 
 
 @pytest.mark.parametrize("threshold", [1, 3])

@@ -9,7 +9,7 @@ import pytest
 import jotlight as jl
 from jotlight.estimators import demosaicing
 from jotlight.estimators.demosaicing import demosaic, local_mean
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 RANDOM = Mosaic(np.random.default_rng(0).integers(4, size=(24, 30)), "RGBW")
 MIXED = [[0.8, 0.1, 0.0], [0.1, 0.7, 0.1], [0.0, 0.2, 0.9]]

@@ -4,8 +4,8 @@ from scipy.special import gammainc
 
 import jotlight as jl
 from jotlight.estimators.inverse_response import equivalent_counts, intensity_from_probability
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.reference import Jot
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.likelihood.reference import Jot
 from reference import methods
 
 

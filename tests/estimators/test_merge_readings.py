@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators.joint_mle import maximize
 from jotlight.estimators.merge_readings import counts_at_maximum
-from jotlight.estimators.reference_sensors import reference_sensor
-from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.likelihood import Likelihood
+from jotlight.estimators.readings.joint_mle import maximize
+from jotlight.estimators.readings.reference_sensors import reference_sensor
+from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
+from jotlight.sensing.likelihood.likelihood import Likelihood
 
 BRACKET = {"frames": 48, "gain": np.repeat([1 / 64, 1 / 8, 1.0], 16), "max_intensity": 900.0}
 SENSORS = [

@@ -5,12 +5,12 @@ import pytest
 from scipy import optimize
 
 import jotlight as jl
-from jotlight.estimators.bracketing import intensity_range, snr_bound
-from jotlight.estimators.joint_mle import maximize
 from jotlight.estimators.merge_readings import counts_at_maximum
-from jotlight.estimators.reference_sensors import reference_sensor
-from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.multibit import reading_probability
+from jotlight.estimators.planning.bracketing import intensity_range, snr_bound
+from jotlight.estimators.readings.joint_mle import maximize
+from jotlight.estimators.readings.reference_sensors import reference_sensor
+from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
+from jotlight.sensing.likelihood.multibit import reading_probability
 
 SCENE = np.geomspace(0.02, 1.5, 12 * 10).reshape(12, 10)
 

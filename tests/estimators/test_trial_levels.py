@@ -11,7 +11,7 @@ from jotlight.estimators.trial_levels import (
     interpolate_levels,
     local_trials,
 )
-from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.sensor import Sensor
 
 

@@ -3,8 +3,8 @@ import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.sensing.reference import saturation_intensity
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.likelihood.reference import saturation_intensity
+from jotlight.sensing.parameters.response import detection_probability
 
 LIGHT_LEVELS = [0.0, 0.003, 0.05, 0.4, 1.5, 4.0, 9.0]
 

@@ -10,7 +10,7 @@ from jotlight.evaluation.methods import (
     METHODS,
     OPTION_DEFAULTS,
 )
-from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.likelihood.reference import saturation_intensity
 
 SENSOR = jl.Sensor(frames=16)
 LARGE = jl.Sensor(frames=1000)

@@ -9,7 +9,7 @@ import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.bright_pixels import bright_pixels
-from jotlight.sensing.pixel_counts import gray_images
+from jotlight.sensing.data.pixel_counts import gray_images
 
 SCENE = photograph("camera")[::4, ::4]
 MESSAGE = r"([\d,]+) of ([\d,]+) pixels are brighter than the largest intensity, 1, which clips"

@@ -9,9 +9,9 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation.color_intervals import MosaicPixels
 from jotlight.evaluation.error_scale import COLOR_FILE, error_model
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 
 IMAGE = jl.datasets.photograph("astronaut")[100:164, 180:244].astype(np.float64)
 RANDOM = Mosaic(np.random.default_rng(3).choice(4, IMAGE.shape[:2], p=[0.1, 0.1, 0.1, 0.7]), "RGBW")

@@ -6,7 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.pretrained import MOSAIC_FILE
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 SENSOR = jl.Sensor(oversampling=2, frames=4)
 IMAGE = jl.datasets.photograph()[100:140, 180:220]

@@ -5,11 +5,11 @@ import pytest
 
 import jotlight as jl
 from jotlight.datasets import photograph
-from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import merge_joint
+from jotlight.estimators.readings.merge_near import Merging
 from jotlight.evaluation.choice import choose_method
-from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
+from jotlight.sensing.likelihood.reference import saturation_intensity
 
 BRACKET = jl.Sensor(frames=48, gain=np.repeat([1 / 32, 1 / 4, 2.0], 16), max_intensity=60.0)
 

@@ -6,7 +6,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.evaluation.evaluate import METRICS, Evaluation, Score
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 SENSOR = jl.Sensor(oversampling=2, frames=2)
 IMAGES = [np.random.default_rng(i).random((12 + i, 14), np.float32) for i in range(4)]

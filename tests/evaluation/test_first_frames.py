@@ -6,7 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation import first_frames as module
 from jotlight.evaluation.first_frames import first_frames
-from jotlight.sensing.pixel_counts import gray_images
+from jotlight.sensing.data.pixel_counts import gray_images
 
 SHAPE = 48, 64
 

@@ -5,8 +5,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.evaluation.mosaic_blend import blend_mosaic
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import count_pixels
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 CHELSEA = jl.datasets.photograph("chelsea")[60:124, 120:184].astype(float)
 

@@ -13,9 +13,9 @@ from jotlight.evaluation.mosaics import count_image
 from jotlight.formats.checksums import file_checksum
 from jotlight.networks.mosaic_planes import value_weights
 from jotlight.networks.pretrained import MOSAIC_FILE
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 
 SCENE = photograph("astronaut")[:256:4, 100:356:4].astype(np.float64)
 RANDOM = Mosaic(np.random.default_rng(0).integers(4, size=(64, 64)), "RGBW")

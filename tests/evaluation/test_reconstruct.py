@@ -311,7 +311,7 @@ def test_clipping_behind_a_mosaic_is_reported(options):
 
 
 def test_the_report_of_clipping_names_the_white_balance():
-    mosaic = jl.sensing.mosaic.Mosaic("RGGB", white_balance=[1.5, 1, 2])
+    mosaic = jl.Mosaic("RGGB", white_balance=[1.5, 1, 2])
     sensor = jl.Sensor(frames=64, mosaic=mosaic, max_intensity=9.0)
     bits = sensor.expose(np.full((16, 16, 3), 2.0), rng=0)
     with pytest.warns(jl.JotlightWarning, match=r"intensity, 0\.5 times the white balance, which"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jotlight.formats.blocks import read_by_blocks
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 ARRAY = np.arange(11 * 2 * 3, dtype=np.uint16).reshape(11, 2, 3)
 

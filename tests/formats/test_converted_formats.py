@@ -102,7 +102,7 @@ def test_folders_have_the_camera_layout(tmp_path, monkeypatch, name):
 @pytest.mark.parametrize("name", BITS)
 def test_an_interrupted_conversion_leaves_no_files(tmp_path, name):
     pytest.importorskip(NEEDS.get(name, "numpy"))
-    from jotlight.sensing.frames import Frames
+    from jotlight.sensing.bits.frames import Frames
 
     def read(start, stop):
         if start > 0:

@@ -7,7 +7,7 @@ import jotlight as jl
 from examples.arrays import random_bits
 from folders import file_names
 from jotlight.formats.writing import write_capture
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 
 @pytest.mark.parametrize("shape", [(3, 5, 16), (1, 1, 1), (2, 4, 13), (4, 3, 9, 3)])

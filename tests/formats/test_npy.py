@@ -10,7 +10,7 @@ from examples.arrays import random_bits, random_frames
 from folders import file_names
 from jotlight.formats.reading import open_capture
 from jotlight.formats.writing import write_capture
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 

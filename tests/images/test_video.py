@@ -15,7 +15,7 @@ from jotlight.chunks import windows
 from jotlight.images.io import read_image
 from jotlight.images.tone import Tone
 from jotlight.images.video import video_writer
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 NAMES = ["a.npy", "a.tif", "a", "a.gif", "a.mp4"]
 RAMP = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)

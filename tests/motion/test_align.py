@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from moving import aligned, in_memory, moved, photographed, record, rms_error
 
 PROVENANCE = Provenance("npy", "counts.npy")

@@ -15,7 +15,7 @@ from jotlight.networks.coarse_scales import (
     sensor_of_squares,
 )
 from jotlight.networks.inference import Inference
-from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.squares import sum_squares
 
 FEW = [(1, 0.2), (4, 0.02), (64, 0.002), (1000, 1e-4)]

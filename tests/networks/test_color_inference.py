@@ -11,8 +11,8 @@ from jotlight.networks import color_inference
 from jotlight.networks.color_inference import _local_trials, _run, _weights
 from jotlight.networks.color_planes import DEVIATIONS, PLANES, START
 from jotlight.networks.planes_layers import CENTER
-from jotlight.sensing.binomial import squared_sine
-from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.parameters.binomial import squared_sine
 from jotlight.sensing.sensor import Sensor
 
 

@@ -10,7 +10,7 @@ from jotlight.networks.color_inference import planes_of_channels
 from jotlight.networks.color_planes import CENTER, START
 from jotlight.networks.color_starts import guided_filter
 from jotlight.networks.pretrained import COLOR_START, pretrained_conditional
-from jotlight.sensing.pixel_counts import count_pixels
+from jotlight.sensing.data.pixel_counts import count_pixels
 
 
 def by_least_squares(guide, values, known, side, noise):

@@ -16,7 +16,7 @@ from jotlight.networks.finer_grid import (
     fit_light,
     spread_squares,
 )
-from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.likelihood.likelihood import Likelihood
 
 RNG = np.random.default_rng(0)
 SIZE = 6, 8

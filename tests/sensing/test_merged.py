@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.pixel_counts import count_pixels, gray_images, prepare_data
+from jotlight.sensing.data.pixel_counts import count_pixels, gray_images, prepare_data
 
 SENSOR = jl.Sensor(frames=8, dark_counts=0.01, efficiency=0.5)
 ONES = np.array([[3, 0, 1], [8, 2, 0]])

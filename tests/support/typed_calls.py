@@ -8,7 +8,7 @@ import numpy.typing as npt
 import jotlight as jl
 import jotlight.dask
 from jotlight.formats import open_capture
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 Image = npt.NDArray[np.float32]
 

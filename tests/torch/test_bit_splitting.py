@@ -8,7 +8,7 @@ import jotlight as jl
 
 torch = pytest.importorskip("torch")
 
-from jotlight.sensing.pixel_counts import count_pixels  # noqa: E402
+from jotlight.sensing.data.pixel_counts import count_pixels  # noqa: E402
 from jotlight.torch.bit_splitting import BitSplitter  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))

@@ -10,7 +10,7 @@ import jotlight as jl
 
 torch = pytest.importorskip("torch")
 
-from jotlight.sensing.pixel_counts import count_pixels  # noqa: E402
+from jotlight.sensing.data.pixel_counts import count_pixels  # noqa: E402
 from jotlight.torch import fine_tune, fine_tuning  # noqa: E402
 from jotlight.torch.bit_splitting import BitSplitter  # noqa: E402
 from jotlight.torch.fine_tuning import random_generator  # noqa: E402

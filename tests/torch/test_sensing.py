@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import binom, norm
 
 import jotlight as jl
-from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.likelihood.likelihood import Likelihood
 from reference import sensing as twin
 
 torch = pytest.importorskip("torch")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training import ColorPatches, PhotographPatches
 
 PHOTOGRAPH = np.random.default_rng(0).integers(0, 256, (40, 50, 3), np.uint8)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training.random_mosaics import KINDS, random_mosaic
 
 

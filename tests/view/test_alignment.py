@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.view.alignment import alignment_reason, merge_window
 from jotlight.view.estimate import estimate
 from jotlight.view.facts import describe_capture

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import jotlight as jl
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.view.running_counts import RunningCounts
 from jotlight.view.timeline import firing_rates
 from jotlight.view.viewed import CancelledError, Viewed

@@ -8,7 +8,7 @@
 - `agreement`: the test whether hot jots have their dark counts in another capture, too.
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
 - `hot_jots`: hot jots in a capture of a scene, without a dark capture.
-- `jotlight.sensing.periodic_rates`: rates that repeat every few jots, as under a mosaic.
+- `jotlight.sensing.data.periodic_rates`: rates that repeat every few jots, as under a mosaic.
 - `jot_mosaics`: the mosaic of jots, and that of pixels.
 - `jot_counts`: the counts of a capture, and their detections per frame.
 - `result`: the `Calibration`; `fields` are its data, and `files` checks the contents of its files.
@@ -21,7 +21,7 @@ from jotlight.calibration.calibrate import calibrate
 from jotlight.calibration.hot_jots import find_hot_jots
 from jotlight.calibration.result import Calibration
 from jotlight.calibration.steadiness import Steadiness, steadiness
-from jotlight.sensing.periodic_rates import PeriodicRates, find_periodic_rates
+from jotlight.sensing.data.periodic_rates import PeriodicRates, find_periodic_rates
 
 __all__ = [
     "Bulk",

@@ -5,8 +5,8 @@ import numpy.typing as npt
 
 from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.errors import warn
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 
 MIN_DARK = 0.1

@@ -22,10 +22,10 @@ from jotlight.calibration.steadiness import Steadiness, steadiness, warn_about_f
 from jotlight.checks import Counts, as_counts, positive_number, real_number, shown
 from jotlight.errors import warn
 from jotlight.progress import Progress, equal_steps, shown_progress
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.provenance import Provenance
 
 MAX_DARK = 0.1
 """Default dark counts per frame above which a hot jot is masked.
@@ -76,7 +76,7 @@ def calibrate(
     provenance : dict, optional
         Where the captures come from, with the keys ``"dark"`` and ``"flat"``. The calibration keeps
         it. Default: the provenance of the bits.
-    mosaic : str, array_like, or jotlight.sensing.mosaic.Mosaic, optional
+    mosaic : str, array_like, or jotlight.Mosaic, optional
         The color filter of each jot, as :class:`jotlight.Sensor` takes the filters of pixels. The
         response of a jot is then relative to that of the jots behind the same filter, and the
         calibration keeps the filters. Default: those of the sensor that the flat bits carry, or

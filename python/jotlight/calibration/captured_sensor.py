@@ -4,8 +4,8 @@ import numbers
 
 import numpy as np
 
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.reading_groups import readings_differ
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.parameters.reading_groups import readings_differ
 from jotlight.sensing.sensor import Sensor
 
 

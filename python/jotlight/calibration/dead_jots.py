@@ -5,8 +5,11 @@ import numpy.typing as npt
 
 from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.calibration.light import LocalLight
-from jotlight.sensing.binomial import clopper_pearson
-from jotlight.sensing.response import detection_probability, inverse_detection_probability
+from jotlight.sensing.parameters.binomial import clopper_pearson
+from jotlight.sensing.parameters.response import (
+    detection_probability,
+    inverse_detection_probability,
+)
 
 MIN_RESPONSE = 0.2
 """Minimum response of a working jot relative to its neighborhood. The maximum is its inverse."""

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from jotlight.calibration.jot_counts import Rates
 from jotlight.calibration.light import LocalLight, window_mean, window_sum
 from jotlight.errors import PeriodicRatesWarning, warn
-from jotlight.sensing.periodic_rates import THRESHOLD, PeriodicRates, largest_period
+from jotlight.sensing.data.periodic_rates import THRESHOLD, PeriodicRates, largest_period
 from jotlight.squares import mean_squares
 
 MIN_STRUCTURE = 0.1

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.steadiness import Steadiness
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.provenance import Provenance
 
 Map = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]

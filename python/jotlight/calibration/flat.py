@@ -12,8 +12,8 @@ from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.calibration.light import excess_and_slope, mean_light, median_light, window_mean
 from jotlight.calibration.outliers import OUTLIER, find_outliers
 from jotlight.calibration.prnu import measure_prnu
-from jotlight.sensing.mosaic import Pattern
-from jotlight.sensing.response import detection_density
+from jotlight.sensing.parameters.mosaic import Pattern
+from jotlight.sensing.parameters.response import detection_density
 
 _MIN_LIGHT = 0.1
 """Minimum light of a flat capture, in standard deviations of the measurement of one jot."""

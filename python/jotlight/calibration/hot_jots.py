@@ -9,12 +9,15 @@ from jotlight.checks import as_counts, real_number, shown, whole_number
 from jotlight.interrupts import interruptible
 from jotlight.layout import image_channels
 from jotlight.progress import Progress, check_progress
-from jotlight.sensing.binomial import upper_limit
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import last_channel_axis
-from jotlight.sensing.counting import check_mask
-from jotlight.sensing.reading_groups import require_plain_bits
-from jotlight.sensing.response import detection_probability, inverse_detection_probability
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.channels import last_channel_axis
+from jotlight.sensing.bits.counting import check_mask
+from jotlight.sensing.parameters.binomial import upper_limit
+from jotlight.sensing.parameters.reading_groups import require_plain_bits
+from jotlight.sensing.parameters.response import (
+    detection_probability,
+    inverse_detection_probability,
+)
 from jotlight.sensing.sensor import Sensor
 
 FALSE_POSITIVE_RATE = 1e-6

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import Counts
 from jotlight.interrupts import interruptible
-from jotlight.sensing.response import detection_density, detection_probability
+from jotlight.sensing.parameters.response import detection_density, detection_probability
 
 Rates = npt.NDArray[np.float64]
 

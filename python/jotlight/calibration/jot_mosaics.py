@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.mosaic import MAX_PERIOD, Mosaic
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.parameters.mosaic import MAX_PERIOD, Mosaic
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import repeat_squares
 

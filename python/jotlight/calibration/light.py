@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.interrupts import interruptible
-from jotlight.sensing.mosaic import Pattern
-from jotlight.sensing.response import detection_density, detection_probability
+from jotlight.sensing.parameters.mosaic import Pattern
+from jotlight.sensing.parameters.response import detection_density, detection_probability
 
 WINDOW = 15
 """Side of a window, in jots. Its jots estimate the light on the jot at its center."""

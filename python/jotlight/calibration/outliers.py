@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration.jot_counts import JotCounts, Rates
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.parameters.response import detection_probability
 
 OUTLIER = 4.0
 """A response at least this many standard deviations from 1 is an outlier: it is not shrunk.

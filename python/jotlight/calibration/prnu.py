@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.calibration.jot_counts import Rates
 from jotlight.calibration.light import WINDOW, LocalLight
-from jotlight.sensing.response import detection_density, detection_probability
+from jotlight.sensing.parameters.response import detection_density, detection_probability
 
 _LIGHT_REACH = 7.0
 """The logarithm of the light that explains the mean of all jots is at most this far from that of

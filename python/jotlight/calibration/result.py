@@ -20,11 +20,11 @@ from jotlight.calibration.files import MAPS, checked_fields
 from jotlight.calibration.jot_mosaics import mosaic_of_pixels
 from jotlight.calibration.steadiness import Steadiness
 from jotlight.notebook import card, normalize
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.crop import noted_region
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.crop import noted_region
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import Tensors, read_tensors, write_tensors
 
@@ -74,7 +74,7 @@ class Calibration(CalibrationFields):
         of one jot, as fractions of the response.
     dark_steadiness, flat_steadiness : Steadiness, optional
         The tests of the frames of the captures, if they contain single frames.
-    mosaic : jotlight.sensing.mosaic.Mosaic, optional
+    mosaic : jotlight.Mosaic, optional
         The color filters of the jots. None for a gray sensor, and without a flat capture.
     provenance : dict
         Where the captures come from, and their orientation and region, if known, with the keys

@@ -3,7 +3,7 @@
 from typing import Any
 
 from jotlight.calibration.result import Calibration
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 

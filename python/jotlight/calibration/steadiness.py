@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.progress import Progress, check_progress, shown_progress
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.counting import check_mask
-from jotlight.sensing.frames import Frames, read_frames
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.counting import check_mask
+from jotlight.sensing.bits.frames import Frames, read_frames
 
 BLOCKS = 16
 """Number of blocks of frames whose counts are compared, from 256 frames on.

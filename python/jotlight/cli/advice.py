@@ -12,7 +12,7 @@ from jotlight.motion.counts.reading_counts import counts_of_readings
 from jotlight.motion.merging.jot_kinds import without_kinds
 from jotlight.motion.merging.mosaic_colors import is_mergeable
 from jotlight.networks.pretrained import DEFAULT_SIZE
-from jotlight.sensing.alike_frames import find_cycle
+from jotlight.sensing.data.alike_frames import find_cycle
 from jotlight.sensing.sensor import Sensor
 
 T = TypeVar("T")

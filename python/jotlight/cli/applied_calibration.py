@@ -11,7 +11,7 @@ import numpy as np
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
 from jotlight.calibration.jot_mosaics import has_filters_of_jots
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 FORMAT = "jotlight image"

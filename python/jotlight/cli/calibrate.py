@@ -17,7 +17,7 @@ from jotlight.cli.console import progress, report
 from jotlight.cli.sensor_values import read_mosaic
 from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture, CountStack
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 
 @Parameter(name="*")

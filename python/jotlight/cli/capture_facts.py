@@ -7,9 +7,9 @@ from jotlight.calibration.hot_jots import hot_jots_unknown_reason
 from jotlight.cli.console import progress
 from jotlight.cli.jot_checks import jot_remarks
 from jotlight.formats.capture import Capture, CountStack
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.sensor import Sensor
 
 Mask = npt.NDArray[np.bool_]

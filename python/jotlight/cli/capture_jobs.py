@@ -27,8 +27,8 @@ from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.network import Network
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.lazy import frames_per_chunk
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.lazy import frames_per_chunk
 from jotlight.sensing.sensor import Sensor
 
 _MIN_CHUNK = 1 << 27

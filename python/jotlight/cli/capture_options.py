@@ -15,9 +15,9 @@ from jotlight.formats.opening import read_capture
 from jotlight.formats.orientation import FLIPS
 from jotlight.formats.reading_options import ReadingOptions
 from jotlight.formats.scaled import unscale
-from jotlight.sensing.crop import parse_region
-from jotlight.sensing.frames import read_frames
-from jotlight.sensing.scaled_counts import SCALES, scaled_counts_hint
+from jotlight.sensing.bits.crop import parse_region
+from jotlight.sensing.bits.frames import read_frames
+from jotlight.sensing.data.scaled_counts import SCALES, scaled_counts_hint
 
 _KEY = "Name of the array in a .npz, .mat, HDF5 file or zarr folder. Default: its only array."
 

@@ -14,14 +14,14 @@ from jotlight.errors import counted
 from jotlight.files import check_outputs
 from jotlight.formats.capture import Capture, CountStack, assumed_sensor_note
 from jotlight.formats.description import companion_files
-from jotlight.sensing.alike_frames import check_cycles, exposure_cycle, repeat_exposures
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.frames import read_frames
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
-from jotlight.sensing.scaled_counts import scaled_counts_hint
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import check_fits
+from jotlight.sensing.bits.frames import read_frames
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.alike_frames import check_cycles, exposure_cycle, repeat_exposures
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.data.scaled_counts import scaled_counts_hint
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 

@@ -6,7 +6,7 @@ from jotlight.cli.captured import Captured
 from jotlight.estimators.demosaicing import COLORS, TITLES
 from jotlight.evaluation.color_data import takes_mosaic
 from jotlight.evaluation.request import Request
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 
 def takes_capture(captured: Captured) -> bool:

@@ -18,7 +18,7 @@ from rich.progress import (
 )
 
 from jotlight.errors import JotlightWarning
-from jotlight.estimators.convergence import Iteration, IterationCallback, follow_slowest
+from jotlight.estimators.iterative.convergence import Iteration, IterationCallback, follow_slowest
 from jotlight.progress.bars import SafeConsole, console, make_bar
 from jotlight.training import Record
 from jotlight.training.reporting import StepDescriber

@@ -20,8 +20,8 @@ from jotlight.formats.description import companion_files
 from jotlight.formats.locations import file_state, is_url
 from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames
 
 
 def convert(

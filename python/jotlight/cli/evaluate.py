@@ -29,7 +29,7 @@ from jotlight.evaluation.own_method import OwnMethod, import_method
 from jotlight.files import atomic_write, check_outputs
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
-from jotlight.sensing.intensity_scale import MEANING
+from jotlight.sensing.parameters.intensity_scale import MEANING
 from jotlight.sensing.sensor import Sensor
 
 

@@ -41,9 +41,9 @@ from jotlight.motion.films.memory import remembers
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.precision import F32
 from jotlight.networks.pretrained import pretrained_film
-from jotlight.sensing.alike_frames import repeat_exposures
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.channels import last_channel_axis
+from jotlight.sensing.data.alike_frames import repeat_exposures
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 

@@ -14,7 +14,7 @@ from jotlight.formats.capture import Capture
 from jotlight.images.clipping import Clipping
 from jotlight.images.tone import Tone
 from jotlight.motion.films.image import FilmImage
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 
 @dataclasses.dataclass

@@ -28,7 +28,7 @@ from jotlight.errors import counted
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
-from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
 

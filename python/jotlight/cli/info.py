@@ -41,7 +41,7 @@ from jotlight.motion.motion import FORMAT as MOTION
 from jotlight.motion.motion import Motion
 from jotlight.networks.loading import load_network
 from jotlight.progress.bars import printable
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import stored_format
 

@@ -20,7 +20,7 @@ from jotlight.evaluation.request import Request
 from jotlight.formats.capture import Capture
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.pretrained import pretrained
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from jotlight.checks import Counts
 from jotlight.cli.captured import Captured
 from jotlight.cli.console import caution, progress
 from jotlight.errors import PeriodicRatesWarning, counted, warn
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 PERIODIC_RATES = "periodic rates"

@@ -27,7 +27,7 @@ from jotlight.errors import counted, error_message
 from jotlight.files import check_outputs
 from jotlight.formats.locations import is_url
 from jotlight.formats.reading_options import ReadingOptions
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 _MAX_SHOWN = 20
 """Number of failed captures whose errors are repeated at the end."""

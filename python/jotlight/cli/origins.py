@@ -13,8 +13,8 @@ from jotlight.dask.store import PART, open_finished, open_unfinished
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image, read_note
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.provenance import Provenance
 
 _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Endings of images that contain a note."""

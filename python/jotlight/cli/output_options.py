@@ -22,7 +22,7 @@ from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
 from jotlight.images.video import DEFAULT_FPS, check_kind, is_floats
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _DEFAULT_CURVE = "gamma"

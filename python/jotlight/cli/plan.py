@@ -12,9 +12,9 @@ from jotlight.calibration import Calibration
 from jotlight.cli.console import out, report
 from jotlight.cli.sensor_options import PlannedSensorOptions
 from jotlight.errors import counted, plural
-from jotlight.estimators.planned_motion import MAX_SUM, MIN_FRAMES, MotionPlan
-from jotlight.estimators.planning import Plan
-from jotlight.estimators.planning import plan as predict
+from jotlight.estimators.planning.planned_motion import MAX_SUM, MIN_FRAMES, MotionPlan
+from jotlight.estimators.planning.planning import Plan
+from jotlight.estimators.planning.planning import plan as predict
 from jotlight.files import check_outputs
 from jotlight.formats.images.maps import is_map
 from jotlight.motion.cost import motion_cost

@@ -17,8 +17,8 @@ from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.uncertainty import check_errors_known
 from jotlight.formats.locations import is_url
 from jotlight.images.io import image_writer
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 

@@ -20,7 +20,7 @@ from jotlight.cli.output_options import ImageOutputOptions, describe_tone
 from jotlight.cli.records import Records, origin_of
 from jotlight.errors import counted
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
-from jotlight.estimators.convergence import ConvergenceHistories
+from jotlight.estimators.iterative.convergence import ConvergenceHistories
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.clipping import with_clipping_of
 from jotlight.evaluation.color_data import takes_channels
@@ -30,9 +30,9 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
 from jotlight.files import atomic_write_together
 from jotlight.formats.checked_reading import with_checksum
-from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.bits.channels import last_channel_axis
+from jotlight.sensing.data.pixel_counts import Data, gray_images
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import Data, gray_images
 from jotlight.sensing.sensor import Sensor
 
 

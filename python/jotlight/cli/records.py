@@ -18,7 +18,7 @@ from jotlight.evaluation.weights import weights_sha256
 from jotlight.files import write_file
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 _NO_PLACE = (".npy", ".npz")
 """Endings of files that have no place for a note."""

@@ -7,8 +7,8 @@ from jotlight.cli.advice import caution_about_motion, representatives
 from jotlight.cli.console import report
 from jotlight.dask.jobs import ImageJob, Job, VideoJob
 from jotlight.errors import counted
-from jotlight.sensing.alike_frames import repeat_exposures
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.data.alike_frames import repeat_exposures
 
 _MAX_NOTES = 20
 """Number of different notes that are printed."""

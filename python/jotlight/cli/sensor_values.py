@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.images.maps import is_map, read_map
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 _REPEATS = ",..."
 """The end of a list of values that repeat, one for each frame."""

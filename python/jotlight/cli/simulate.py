@@ -20,9 +20,9 @@ from jotlight.formats.description import companion_files
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
 from jotlight.layout import MAX_CHANNELS
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, Packed
-from jotlight.sensing.intensity_scale import gray_levels
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, Packed
+from jotlight.sensing.parameters.intensity_scale import gray_levels
 from jotlight.sensing.sensor import Sensor
 
 _ROUNDING = 1e-6

@@ -16,8 +16,8 @@ from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.estimators.brightness import training_sensor
 from jotlight.formats.locations import is_url
 from jotlight.images.sets import read_image_set
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.patches import patch_sensor
 

@@ -13,7 +13,7 @@ from jotlight.cli.training_options import TrainingOptions
 from jotlight.errors import hide_warnings
 from jotlight.files import atomic_write, delete_file, remove_leftovers
 from jotlight.networks.network import Network
-from jotlight.sensing.intensity_scale import MEANING
+from jotlight.sensing.parameters.intensity_scale import MEANING
 from jotlight.training import History
 
 

@@ -18,9 +18,9 @@ from jotlight.formats.capture import CountStack
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.images.maps import is_map, read_map, read_mask
 from jotlight.formats.locations import is_url
-from jotlight.sensing.alike_frames import exposure_cycle
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.data.alike_frames import exposure_cycle
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.view.access import LOOPBACK, is_loopback
 from jotlight.view.extra import require_server
 from jotlight.view.live.options import LiveOptions, open_live

@@ -19,9 +19,9 @@ from jotlight.calibration.result import Calibration, check_same_jots
 from jotlight.calibration.steadiness import block_frames, steadiness_of_blocks
 from jotlight.dask.counting import count
 from jotlight.dask.pieces import width_in_jots
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.lazy import import_dask_array
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.lazy import import_dask_array
+from jotlight.sensing.parameters.provenance import Provenance
 
 if TYPE_CHECKING:
     import dask.array

@@ -7,7 +7,7 @@ from jotlight.dask.records import Record
 from jotlight.formats.locations import file_state
 from jotlight.formats.opening import read_capture
 from jotlight.formats.reading_options import ReadingOptions
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 _KEPT = 4
 """Number of captures that a process keeps open."""

@@ -9,10 +9,10 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.dask.cluster import check_version
 from jotlight.dask.spans import Spans
-from jotlight.sensing.bits_checks import checked_oversampling
-from jotlight.sensing.channels import channel_views
-from jotlight.sensing.frames import Packed
-from jotlight.sensing.lazy import FrameSource
+from jotlight.sensing.bits.bits_checks import checked_oversampling
+from jotlight.sensing.bits.channels import channel_views
+from jotlight.sensing.bits.frames import Packed
+from jotlight.sensing.bits.lazy import FrameSource
 
 if TYPE_CHECKING:
     from jotlight.dask.estimator import Estimator

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.dask.pieces import MAX_BYTES, Pieces
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.lazy import import_dask_array
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.lazy import import_dask_array
 
 if TYPE_CHECKING:
     import dask.array

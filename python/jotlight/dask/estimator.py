@@ -19,9 +19,9 @@ from jotlight.layout import Layout
 from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, pretrained_conditional
-from jotlight.sensing.alike_frames import find_cycle
-from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.reading_groups import require_plain_bits, without_mosaic
+from jotlight.sensing.data.alike_frames import find_cycle
+from jotlight.sensing.data.pixel_counts import GrayImages
+from jotlight.sensing.parameters.reading_groups import require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 
 _KEPT = 8

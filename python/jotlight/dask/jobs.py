@@ -26,7 +26,7 @@ from jotlight.formats.checksums import file_checksum
 from jotlight.formats.writing import write_capture
 from jotlight.images.exposure import display_tone
 from jotlight.images.io import DISPLAYED, image_writer
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 
 class Job(Protocol):

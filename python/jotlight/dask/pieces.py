@@ -16,9 +16,9 @@ from jotlight._engine import __version__
 from jotlight.chunks import windows
 from jotlight.dask.chunk_counting import PART_BYTES, count_pieces, image_shape
 from jotlight.dask.spans import Spans
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.lazy import FrameSource, files_of, import_dask_array
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.lazy import FrameSource, files_of, import_dask_array
+from jotlight.sensing.bits.readings import Readings
 
 if TYPE_CHECKING:
     import dask.array

@@ -9,7 +9,7 @@ from jotlight.dask.counting import sum_pieces
 from jotlight.dask.estimator import check_countable, choose_estimator
 from jotlight.dask.pieces import Pieces, check_packed_array
 from jotlight.networks.network import Network
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from isal import isal_zlib
 
 from jotlight.dask.chunk_counting import add_counts
 from jotlight.dask.spans import Spans
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, Packed
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, Packed
 
 _MAX_BYTES = 1 << 25
 """Number of bytes that are read and counted at a time. With fewer, the engine adds its bit planes
@@ -60,7 +60,7 @@ class WindowCounter:
         The number of threads. Default: the number of cores.
     mapped : bool
         Whether files are mapped into memory, which is faster. See
-        :meth:`jotlight.sensing.frames.Frames.map`.
+        :meth:`jotlight.sensing.bits.frames.Frames.map`.
     """
 
     def __init__(

@@ -7,19 +7,19 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.admm_splitting import BALANCE, Splitting
-from jotlight.estimators.convergence import (
+from jotlight.estimators.iterative.admm_splitting import BALANCE, Splitting
+from jotlight.estimators.iterative.convergence import (
     ConvergenceHistories,
     ConvergenceMonitor,
     IterationCallback,
 )
-from jotlight.estimators.image_solver import SolverInputs, solve_images
+from jotlight.estimators.iterative.image_solver import SolverInputs, solve_images
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variations
-from jotlight.sensing.pixel_counts import Data, Estimate
-from jotlight.sensing.problem import Problem
-from jotlight.sensing.response import Array
+from jotlight.sensing.data.pixel_counts import Data, Estimate
+from jotlight.sensing.data.stacks import select
+from jotlight.sensing.likelihood.problem import Problem
+from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.stacks import select
 
 _MIN_LIGHT = 1e-6
 """The light that replaces a light of 0 where a bit is 1, as a fraction of the maximum light."""
@@ -110,12 +110,12 @@ def admm_tv(
         The run ends when the primal residual is at most `tol` and the dual residual at most
         10 `tol`. Both residuals are relative.
     callback : callable, optional
-        A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
-        iteration of each image. It ends the run of the image by raising StopIteration.
+        A function that receives a :class:`jotlight.estimators.iterative.convergence.Iteration`
+        after each iteration of each image. It ends the run of the image by raising StopIteration.
     return_history : bool
         Whether to return the history too: a
-        :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
-        image of a stack and each channel.
+        :class:`jotlight.estimators.iterative.convergence.ConvergenceHistory`, or a list with one
+        for each image of a stack and each channel.
     out : ndarray of float32, optional
         An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional

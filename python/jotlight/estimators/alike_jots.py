@@ -7,17 +7,17 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.blur import blur
-from jotlight.estimators.neighbors import (
+from jotlight.estimators.readings.neighbors import (
     each_filter,
     fisher_scoring,
     own_sigma,
     toward_own,
     typical_spread,
 )
-from jotlight.estimators.whole_counts import carry_debts
+from jotlight.estimators.readings.whole_counts import carry_debts
 from jotlight.kept import kept_property
-from jotlight.sensing.reference import Jot
-from jotlight.sensing.response import (
+from jotlight.sensing.likelihood.reference import Jot
+from jotlight.sensing.parameters.response import (
     Array,
     detection_density,
     detection_probability,

@@ -8,9 +8,9 @@ import jotlight._engine as engine
 from jotlight.estimators.denoise import gaussian
 from jotlight.estimators.noniterative import noniterative
 from jotlight.parameter_names import check_choice
+from jotlight.sensing.data.pixel_counts import Data, GrayImages, PreparedData
+from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import Data, GrayImages, PreparedData
-from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor, require_trainable
 
 _BLUR = 3.0

@@ -16,14 +16,17 @@ from jotlight.checks import (
     to_array,
     type_of,
 )
-from jotlight.estimators.merge_detections import merge_at_maximum, merge_near_neighbors
-from jotlight.estimators.reference_sensors import MAX_RATE
-from jotlight.estimators.renewal import Renewal
+from jotlight.estimators.photon_counters.merge_detections import (
+    merge_at_maximum,
+    merge_near_neighbors,
+)
+from jotlight.estimators.photon_counters.renewal import Renewal
+from jotlight.estimators.readings.reference_sensors import MAX_RATE
 from jotlight.interrupts import interruptible
 from jotlight.parameter_names import takes_rng
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.response import Array
+from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _MAX_DETECTIONS = 5e8

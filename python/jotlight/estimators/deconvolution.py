@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.operators import spread
+from jotlight.sensing.likelihood.operators import spread
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from jotlight.errors import import_extra
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.mosaic import Mosaic, Pattern
+from jotlight.sensing.parameters.mosaic import Mosaic, Pattern
 
 Values = npt.NDArray[np.float64]
 

@@ -19,10 +19,10 @@ from jotlight.checks import (
     type_of,
 )
 from jotlight.errors import import_extra
-from jotlight.estimators.decays import TOLERANCE, Gates, decay_rates
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.response import Array
-from jotlight.sensing.values import numbers_from_zero
+from jotlight.estimators.photon_counters.decays import TOLERANCE, Gates, decay_rates
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.values import numbers_from_zero
+from jotlight.sensing.parameters.response import Array
 
 __all__ = ["decay_lifetime", "gate_dataset", "gate_detections"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.sensing.values import check_any_valid
+from jotlight.sensing.bits.values import check_any_valid
 
 _TOLERANCE = 1e-6
 """The tolerance of the linear equations, relative to their largest right-hand side."""

@@ -10,13 +10,13 @@ from jotlight.errors import warn
 from jotlight.estimators.alike_jots import DifferentJots, alike_fractions
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.trial_levels import fill_from_nearest
-from jotlight.sensing.maps import constant_or_map
+from jotlight.sensing.bits.values import flatten
+from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.likelihood.reference import Jot, reference_jot
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
-from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.reference import Jot, reference_jot
-from jotlight.sensing.response import Array
+from jotlight.sensing.parameters.maps import constant_or_map
+from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import KERNELS, Sensor
-from jotlight.sensing.values import flatten
 
 Counts = npt.NDArray[np.float32]
 
@@ -59,7 +59,7 @@ def equivalent_counts(
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.data.pixel_counts import count_pixels
     >>> pixels = count_pixels(np.array([[2, 4]]), jl.Sensor(frames=8), None)
     >>> equivalent_counts(pixels, (0.5, 0.0), 8, None).round(2)  # half the efficiency, fewer ones
     array([[1.07, 2.34]], dtype=float32)
@@ -130,7 +130,7 @@ def equivalent_fractions(
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.data.pixel_counts import count_pixels
     >>> pixels = count_pixels(np.array([[2, 4]]), jl.Sensor(frames=8), None)
     >>> equivalent_fractions(pixels, None).tolist()
     [[0.25, 0.5]]
@@ -146,7 +146,7 @@ def intensity_from_probability(
     """Return the intensity at which the bits of a pixel are 1 with the given probability.
 
     The intensity is ``c = (K/α)(P⁻¹(q, p) - d)/η``, clipped to [0, S]: equation (5) with p in place
-    of L/K. η and d are those of :func:`jotlight.sensing.reference.reference_jot`.
+    of L/K. η and d are those of :func:`jotlight.sensing.likelihood.reference.reference_jot`.
 
     Parameters
     ----------

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.interrupts import interruptible
-from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.response import (
+from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.parameters.response import (
     Array,
     detection_density,
     detection_probability,
@@ -31,7 +31,7 @@ class UniqueCounts:
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.data.pixel_counts import count_pixels
     >>> unique = UniqueCounts(count_pixels(np.array([[2, 0, 2]]), jl.Sensor(frames=2), None))
     >>> unique.ones.tolist(), unique.bits.tolist(), unique.expand(10 * unique.ones).tolist()
     ([0, 1, 2], [2, 2, 2], [[20, 0, 20]])
@@ -69,7 +69,7 @@ def build_light_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInver
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.data.pixel_counts import count_pixels
     >>> pixels = count_pixels(np.array([[1, 0]]), jl.Sensor(frames=2), None)
     >>> unique = UniqueCounts(pixels)
     >>> invert = build_light_inverse(pixels, unique)

@@ -13,14 +13,14 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.joint_mle import regular_maximum
-from jotlight.estimators.reference_sensors import MAX_TRIALS, light_share, reference_sensor
-from jotlight.sensing.channels import stack_channels
-from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
-from jotlight.sensing.maps import pixel_means
+from jotlight.estimators.readings.joint_mle import regular_maximum
+from jotlight.estimators.readings.reference_sensors import MAX_TRIALS, light_share, reference_sensor
+from jotlight.sensing.bits.channels import stack_channels
+from jotlight.sensing.data.pixel_counts import Data, GrayImages, gray_images, prepare_data
+from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
-from jotlight.sensing.response import Array
+from jotlight.sensing.parameters.maps import pixel_means
+from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _SATURATED = 700.0
@@ -51,8 +51,8 @@ def merge_readings(
     -------
     Merged
         Merged counts (H, W), or (H, W, C) for color. Their sensor has threshold 1 and the gain of
-        :func:`jotlight.estimators.reference_sensors.reference_sensor`. For a list or a stack, a
-        list of merged counts.
+        :func:`jotlight.estimators.readings.reference_sensors.reference_sensor`. For a list or a
+        stack, a list of merged counts.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def counts_at_maximum(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     joint : JointLikelihood
         The likelihood of the readings.
     reference : Sensor
-        The :func:`jotlight.estimators.reference_sensors.reference_sensor` of the readings.
+        The :func:`jotlight.estimators.readings.reference_sensors.reference_sensor` of the readings.
 
     Examples
     --------

@@ -12,11 +12,12 @@ import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
-from jotlight.estimators.joint_mle import joint_mle
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.counting import count_ones
-from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.pixel_counts import (
+from jotlight.estimators.readings.joint_mle import joint_mle
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.counting import count_ones
+from jotlight.sensing.bits.values import flatten
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import (
     Data,
     Estimate,
     GrayData,
@@ -24,7 +25,6 @@ from jotlight.sensing.pixel_counts import (
     prepare_data,
 )
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.values import flatten
 
 _MAX_JOTS = 1 << 24
 """Maximum number of jots that the engine solves in one call."""
@@ -83,7 +83,7 @@ def mle(
     in efficiency or dark counts, no closed form exists. The likelihood equation of each pixel is
     then solved numerically, to machine precision. This requires bits. So does a sensor whose
     readings differ in their gain or threshold; the joint likelihood of all readings of a pixel is
-    then maximized by Newton's method (:func:`jotlight.estimators.joint_mle.maximize`).
+    then maximized by Newton's method (:func:`jotlight.estimators.readings.joint_mle.maximize`).
 
     Examples
     --------

@@ -8,20 +8,26 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.convergence import (
+from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
+from jotlight.estimators.iterative.convergence import (
     ConvergenceHistories,
     ConvergenceMonitor,
     IterationCallback,
 )
-from jotlight.estimators.descent import SOLVERS, Direction, Mask, QuadraticModel, gradient_direction
-from jotlight.estimators.image_solver import SolverInputs, solve_images
-from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
+from jotlight.estimators.iterative.descent import (
+    SOLVERS,
+    Direction,
+    Mask,
+    QuadraticModel,
+    gradient_direction,
+)
+from jotlight.estimators.iterative.image_solver import SolverInputs, solve_images
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.pixel_counts import Data, Estimate
-from jotlight.sensing.problem import Problem
-from jotlight.sensing.response import Array
+from jotlight.sensing.data.pixel_counts import Data, Estimate
+from jotlight.sensing.data.stacks import dots, each_image, replace, select
+from jotlight.sensing.likelihood.problem import Problem
+from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.stacks import dots, each_image, replace, select
 
 _ARMIJO = 1e-4
 """The fraction of the decrease predicted by the gradient that a step must achieve (Armijo)."""
@@ -125,12 +131,12 @@ def mle_iterative(
         than `tol` times the smaller of S and ten times the intensity of the best constant image.
         Here h is an upper bound of the curvature for each pixel. The step is 0 only at the maximum.
     callback : callable, optional
-        A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
-        iteration of each image. It ends the run of the image by raising StopIteration.
+        A function that receives a :class:`jotlight.estimators.iterative.convergence.Iteration`
+        after each iteration of each image. It ends the run of the image by raising StopIteration.
     return_history : bool
         Whether to return the history too: a
-        :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
-        image of a stack and each channel.
+        :class:`jotlight.estimators.iterative.convergence.ConvergenceHistory`, or a list with one
+        for each image of a stack and each channel.
     out : ndarray of float32, optional
         An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional

@@ -10,28 +10,32 @@ import numpy.typing as npt
 from jotlight.checks import to_array
 from jotlight.estimators import vst
 from jotlight.estimators.denoise import Denoiser, resolve_denoiser
-from jotlight.estimators.generalized_anscombe import Denoise, denoise_readings, is_saturated
 from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
     warn_about_smooth_kernel,
 )
-from jotlight.estimators.merge_near import Merging, merge_different_jots
+from jotlight.estimators.readings.generalized_anscombe import (
+    Denoise,
+    denoise_readings,
+    is_saturated,
+)
+from jotlight.estimators.readings.merge_near import Merging, merge_different_jots
 from jotlight.estimators.trial_levels import count_local_trials, interpolate_levels
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.pixel_counts import (
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import (
     Data,
     Estimate,
     GrayImages,
     gray_images,
     prepare_data,
 )
-from jotlight.sensing.reading_groups import refuse_different_readings
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.data.stacks import each_image
+from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
+from jotlight.sensing.likelihood.reference import reference_jot
+from jotlight.sensing.parameters.reading_groups import refuse_different_readings
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.stacks import each_image
 
 
 def noniterative(
@@ -101,9 +105,9 @@ def noniterative(
     interpolated.
 
     For readings of several bits, the method uses the generalized Anscombe transform and its exact
-    inverse (:mod:`jotlight.estimators.generalized_anscombe`). If at least 15 % of them are the
-    largest one, or if pixels differ, it uses equivalent counts near local averages instead
-    (:class:`jotlight.estimators.merge_near.Merging`).
+    inverse (:mod:`jotlight.estimators.readings.generalized_anscombe`). If at least 15 % of them are
+    the largest one, or if pixels differ, it uses equivalent counts near local averages instead
+    (:class:`jotlight.estimators.readings.merge_near.Merging`).
 
     The engine computes all images of a stack together. The denoisers are functions of libraries,
     which run on one image at a time.

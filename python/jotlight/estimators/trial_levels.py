@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.sensing.bits.values import check_any_valid
+from jotlight.sensing.data.pixel_counts import MAX_PIXELS, PixelCounts
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
-from jotlight.sensing.pixel_counts import MAX_PIXELS, PixelCounts
-from jotlight.sensing.values import check_any_valid
 
 Image = npt.NDArray[np.float32]
 
@@ -62,7 +62,7 @@ def count_local_trials(pixels: PixelCounts, threads: int | None = None) -> list[
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import PixelCounts
+    >>> from jotlight.sensing.data.pixel_counts import PixelCounts
     >>> trials = np.array([[[4.0, 0.0]], [[2.0, 2.0]]])
     >>> counts = np.zeros(trials.shape, np.int32)
     >>> count_local_trials(PixelCounts(jl.Sensor(), counts, trials, 1.0, 0.0, False))

@@ -13,13 +13,13 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import to_array
-from jotlight.estimators.local_information import local_information
+from jotlight.estimators.iterative.local_information import local_information
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.operators import differences
-from jotlight.sensing.problem import Problem
-from jotlight.sensing.response import Array
-from jotlight.sensing.stacks import each_image, image_means, image_sums
-from jotlight.sensing.values import flatten
+from jotlight.sensing.bits.values import flatten
+from jotlight.sensing.data.stacks import each_image, image_means, image_sums
+from jotlight.sensing.likelihood.operators import differences
+from jotlight.sensing.likelihood.problem import Problem
+from jotlight.sensing.parameters.response import Array
 from jotlight.underflow import underflows_to_0
 
 __all__ = ["NORMS", "automatic_weight", "shrink", "total_variation"]
@@ -193,7 +193,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
 
     Examples
     --------
-    >>> from jotlight.sensing.operators import scaling
+    >>> from jotlight.sensing.likelihood.operators import scaling
     >>> ones = np.random.default_rng(0).binomial(16, 0.3, (64, 64))
     >>> likelihood = jl.Likelihood(ones, trials=16)
     >>> weight = automatic_weight(jl.Problem(scaling((64, 64), 1.0), likelihood))

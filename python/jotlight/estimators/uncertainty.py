@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
-from jotlight.estimators.figure import draw_map
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.light_inversion import (
     LightInverse,
@@ -19,16 +18,17 @@ from jotlight.estimators.light_inversion import (
     jot_maps,
 )
 from jotlight.estimators.mle import mle, require_bits
+from jotlight.estimators.planning.figure import draw_map
 from jotlight.layout import Layout, join
 from jotlight.notebook import card, normalize
-from jotlight.sensing.binomial import clopper_pearson
-from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.pixel_counts import (
+from jotlight.sensing.data.pixel_counts import (
     Estimate,
     GrayImages,
     PixelCounts,
 )
-from jotlight.sensing.response import Array
+from jotlight.sensing.likelihood.likelihood import Likelihood
+from jotlight.sensing.parameters.binomial import clopper_pearson
+from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import repeat_squares
 

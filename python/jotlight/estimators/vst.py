@@ -16,7 +16,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import check_threads, to_array
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.values import flatten, number_or_map, numbers_from_zero
+from jotlight.sensing.bits.values import flatten, number_or_map, numbers_from_zero
 
 __all__ = ["INVERSES", "NOISE", "anscombe", "inverse_anscombe"]
 

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.response import Array
+from jotlight.sensing.likelihood.likelihood import Likelihood
+from jotlight.sensing.parameters.response import Array
 
 _MAX_STEPS = 50
 """Maximum number of Newton steps for the weights."""

@@ -17,11 +17,11 @@ import numpy.typing as npt
 
 from jotlight.evaluation.first_frames import first_frames, on_usual_grid
 from jotlight.layout import join
-from jotlight.sensing.joint_likelihood import joint_likelihood
+from jotlight.sensing.data.pixel_counts import GrayImages, PixelCounts
+from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import GrayImages, PixelCounts
-from jotlight.sensing.response import Array, detection_probability
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.response import Array, detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Flags = npt.NDArray[np.bool_]
@@ -85,7 +85,7 @@ def bright_pixels(images: GrayImages, sensor: Sensor, threads: int | None = None
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import gray_images
+    >>> from jotlight.sensing.data.pixel_counts import gray_images
     >>> counts = np.full((16, 16), 400, np.int32)
     >>> counts[2, 3] = 600
     >>> sensor = jl.Sensor(frames=640)
@@ -117,7 +117,7 @@ def bright_behind_mosaic(counted: Sequence[PixelCounts], mosaic: Mosaic) -> Flag
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.data.pixel_counts import count_pixels
     >>> pixels = count_pixels(np.array([[600, 300], [300, 300]]), jl.Sensor(frames=640), None)
     >>> bright_behind_mosaic([pixels], Mosaic("RGGB")).tolist()
     [[[True, False], [False, False]]]

@@ -13,7 +13,7 @@ from jotlight.evaluation.error_scale import Half, divide_bits, error_model
 from jotlight.evaluation.interval_pixels import Pixels
 from jotlight.evaluation.intervals import MIN_TRIALS
 from jotlight.layout import Layout
-from jotlight.sensing.pixel_counts import Estimate, GrayImages
+from jotlight.sensing.data.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.sensor import Sensor
 
 _SHARE = 0.85

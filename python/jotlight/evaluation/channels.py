@@ -14,8 +14,8 @@ from jotlight.evaluation.color_data import check_taken, takes_channels
 from jotlight.evaluation.color_images import reconstruct_channels
 from jotlight.evaluation.info import Info
 from jotlight.networks.color_network import ColorNetwork
+from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

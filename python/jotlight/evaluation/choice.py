@@ -23,7 +23,7 @@ from jotlight.networks.loading import wrong_network
 from jotlight.networks.network import Network
 from jotlight.networks.precision import DEEP, F32, check_precision
 from jotlight.networks.pretrained import check_quality, uses_conditional
-from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.likelihood.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 OWN_NETWORK = "network"

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from jotlight.errors import hide_warnings, warn
 from jotlight.evaluation.choice import Choice
 from jotlight.networks.pretrained import DEFAULT_SIZE
+from jotlight.sensing.likelihood.reference import saturation_intensity
 from jotlight.sensing.merged import MERGE_AGAIN, Merged
-from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 _PIXELS_AT_ONCE = 1 << 18
@@ -33,7 +33,7 @@ def largest_colors(sensor: Sensor) -> npt.NDArray[np.float32]:
     --------
     >>> largest_colors(jl.Sensor(max_intensity=2)).tolist()
     2.0
-    >>> from jotlight.sensing.mosaic import Mosaic
+    >>> from jotlight.sensing.parameters.mosaic import Mosaic
     >>> mosaic = Mosaic("RGGB", white_balance=[1.5, 1, 2])
     >>> largest_colors(jl.Sensor(mosaic=mosaic)).tolist()
     [1.5, 1.0, 2.0]

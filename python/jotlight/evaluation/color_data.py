@@ -12,8 +12,8 @@ import numpy.typing as npt
 from jotlight.estimators.demosaicing import COLORS, TITLES
 from jotlight.evaluation.many_trials import takes_blend, trials_of
 from jotlight.parameter_names import check_choice
+from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.merged import Merged, is_finer
-from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
 BY_COLOR_NETWORK = "network"

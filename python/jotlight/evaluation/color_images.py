@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS
-from jotlight.estimators.merge_near import Merging
+from jotlight.estimators.readings.merge_near import Merging
 from jotlight.networks.color_inference import estimate_channels
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.pretrained import (
@@ -15,10 +15,10 @@ from jotlight.networks.pretrained import (
     pretrained_color,
     pretrained_conditional,
 )
-from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import GrayData, GrayImages, PixelCounts, count_pixels
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import GrayData, GrayImages, PixelCounts, count_pixels
+from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
-from jotlight.estimators.typical_trials import typical_trials
+from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.bright_pixels import bright_behind_mosaic
 from jotlight.evaluation.color_images import count_image
@@ -40,16 +40,16 @@ from jotlight.networks.pretrained import (
     pretrained_color,
     pretrained_conditional,
 )
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import (
+from jotlight.sensing.data.pixel_counts import (
     Data,
     PixelCounts,
     count_pixels,
     gray_images,
     prepare_data,
 )
-from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.response import Array, detection_density
+from jotlight.sensing.likelihood.reference import reference_jot
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.response import Array, detection_density
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

@@ -24,8 +24,8 @@ from jotlight.notebook import card, table_of, text_table
 from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.sensor import Sensor, require_sensor
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ import numpy as np
 
 from jotlight.errors import warn
 from jotlight.evaluation.first_frames import first_frames, on_usual_grid
-from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.data.pixel_counts import GrayImages
+from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 
 _MIN_SHARE = 0.8

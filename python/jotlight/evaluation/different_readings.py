@@ -9,9 +9,9 @@ import numpy as np
 
 from jotlight.blur import blur
 from jotlight.errors import hide_warnings
-from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import merge_joint
-from jotlight.estimators.reference_sensors import reference_sensor
+from jotlight.estimators.readings.merge_near import Merging
+from jotlight.estimators.readings.reference_sensors import reference_sensor
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.interval_pixels import find_unbounded
 from jotlight.evaluation.methods import BLEND_METHOD, find_method
@@ -19,10 +19,10 @@ from jotlight.layout import join
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained_conditional
-from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.data.pixel_counts import GrayImages
+from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.reading_groups import require_plain_bits
+from jotlight.sensing.parameters.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 
 _ITERATIVE = "mle-iterative"
@@ -75,7 +75,7 @@ def with_one_response(
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import gray_images
+    >>> from jotlight.sensing.data.pixel_counts import gray_images
     >>> import numpy as np
     >>> sensor = jl.Sensor(frames=2, gain=[1.0, 8.0])
     >>> bits = sensor.expose(np.full((2, 2), 0.5), rng=0)

@@ -3,9 +3,9 @@
 import dataclasses
 from typing import Any
 
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.merged import is_finer
-from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
 _MAX_BYTES = 1 << 22
@@ -19,7 +19,7 @@ def first_frames(images: GrayImages, sensor: Sensor) -> tuple[GrayImages, Sensor
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import gray_images
+    >>> from jotlight.sensing.data.pixel_counts import gray_images
     >>> sensor = jl.Sensor(frames=8)
     >>> images = gray_images(jl.Bits.from_array([[[0, 1]]] * 8))
     >>> first_frames(images, sensor)[1]  # they are few
@@ -43,7 +43,7 @@ def on_usual_grid(images: GrayImages) -> GrayImages:
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import gray_images
+    >>> from jotlight.sensing.data.pixel_counts import gray_images
     >>> finer = jl.Merged([[3, 1]], 4.0, jl.Sensor(frames=4), upsample=2)
     >>> on_usual_grid(gray_images(finer)).data[0].upsample
     1

@@ -18,10 +18,9 @@ from jotlight.evaluation.color_images import reconstruct_channels
 from jotlight.layout import Layout, join
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
-from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import (
+from jotlight.sensing.bits.subsampling import subsample_counts
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import (
     Data,
     Estimate,
     GrayImages,
@@ -29,9 +28,10 @@ from jotlight.sensing.pixel_counts import (
     gray_images,
     prepare_data,
 )
-from jotlight.sensing.response import Array
+from jotlight.sensing.likelihood.likelihood import Likelihood
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.subsampling import subsample_counts
 
 NAMES = "network", "total variation", "maximum likelihood"
 """Names of the methods of the blend for gray images."""

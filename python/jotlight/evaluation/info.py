@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jotlight.estimators.convergence import ConvergenceHistories, ConvergenceHistory
+from jotlight.estimators.iterative.convergence import ConvergenceHistories, ConvergenceHistory
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,11 +21,11 @@ from jotlight.evaluation.error_scale import (
 from jotlight.evaluation.known_errors import KnownErrors
 from jotlight.evaluation.unlikely import find_contradictions
 from jotlight.kept import kept_property
-from jotlight.sensing.binomial import squared_sine
+from jotlight.sensing.data.pixel_counts import Estimate, PixelCounts
+from jotlight.sensing.likelihood.reference import Jot, typical_jot
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import Estimate, PixelCounts
-from jotlight.sensing.reference import Jot, typical_jot
-from jotlight.sensing.response import (
+from jotlight.sensing.parameters.binomial import squared_sine
+from jotlight.sensing.parameters.response import (
     Array,
     detection_density,
     detection_probability,

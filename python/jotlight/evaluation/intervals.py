@@ -11,7 +11,7 @@ from jotlight.evaluation.error_scale import Half, divide_bits, error_model
 from jotlight.evaluation.interval_pixels import Pixels
 from jotlight.layout import Layout
 from jotlight.networks.network import Network
-from jotlight.sensing.pixel_counts import Estimate, GrayImages
+from jotlight.sensing.data.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.sensor import Sensor
 
 MIN_TRIALS = 4

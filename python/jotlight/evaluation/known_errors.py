@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 
 from jotlight.evaluation.error_scale import ErrorModel, HalfErrors
-from jotlight.sensing.pixel_counts import Estimate
-from jotlight.sensing.response import Array
+from jotlight.sensing.data.pixel_counts import Estimate
+from jotlight.sensing.parameters.response import Array
 
 TYPICAL_DEVIATION = 1.4
 """Root mean square of error/scale on photographs."""

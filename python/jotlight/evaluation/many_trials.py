@@ -1,6 +1,6 @@
 """The number of trials from which a comparison with other methods pays."""
 
-from jotlight.estimators.typical_trials import typical_trials
+from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.sensing.sensor import Sensor
 
 MAX_NETWORK_TRIALS = 1000

@@ -24,7 +24,7 @@ from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
 from jotlight.parameter_names import did_you_mean
-from jotlight.sensing.pixel_counts import Data, gray_images, prepare_data
+from jotlight.sensing.data.pixel_counts import Data, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 Run = Callable[..., npt.NDArray[np.float32]]

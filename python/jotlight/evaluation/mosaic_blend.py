@@ -28,8 +28,8 @@ from jotlight.networks.pretrained import (
     pretrained_color,
     pretrained_conditional,
 )
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 Image = npt.NDArray[np.float32]
 

@@ -27,9 +27,9 @@ from jotlight.networks.pretrained import (
     pretrained_color,
     pretrained_conditional,
 )
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.output_images import OutputImages
-from jotlight.sensing.pixel_counts import Data, PixelCounts, gray_images, prepare_data
+from jotlight.sensing.bits.output_images import OutputImages
+from jotlight.sensing.data.pixel_counts import Data, PixelCounts, gray_images, prepare_data
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

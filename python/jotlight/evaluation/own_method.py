@@ -20,12 +20,12 @@ from jotlight.checks import refuse_masked
 from jotlight.errors import warn
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.parameter_names import nearest_names
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import check_fits
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.pixel_counts import Data, GrayImages, PreparedData
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import Data, GrayImages, PreparedData
-from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 OwnMethod = Callable[..., npt.ArrayLike]

@@ -37,16 +37,16 @@ from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.evaluation.run_choice import run_choice
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.merged import is_finer
-from jotlight.sensing.pixel_counts import (
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import (
     Data,
     GrayImages,
     PreparedData,
     gray_images,
     prepare_data,
 )
+from jotlight.sensing.merged import is_finer
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

@@ -5,7 +5,7 @@ from typing import Any
 
 from jotlight._engine import __version__
 from jotlight.images.tone import Tone
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 

@@ -14,8 +14,8 @@ from jotlight.evaluation.methods import BLEND_METHOD, METHODS
 from jotlight.evaluation.request import Request
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional
-from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.pixel_counts import GrayImages
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 import jotlight.metrics as metrics
 from jotlight.errors import hide_warnings
-from jotlight.estimators.convergence import IterationCallback, follow_slowest
+from jotlight.estimators.iterative.convergence import IterationCallback, follow_slowest
 from jotlight.evaluation.methods import METHODS, Method, find_method
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import last_channel_axis
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.channels import last_channel_axis
+from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 _SMALL_SIDE = 16

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from jotlight.checks import real_number, shown
 from jotlight.errors import percent_advice
 from jotlight.estimators.brightness import unit_scale
-from jotlight.estimators.joint_uncertainty import joint_uncertainty
-from jotlight.estimators.typical_trials import typical_trials
+from jotlight.estimators.readings.joint_uncertainty import joint_uncertainty
+from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.bright_pixels import bright_in_first_frames, bright_pixels
 from jotlight.evaluation.channel_intervals import find_channel_intervals
@@ -43,8 +43,8 @@ from jotlight.networks.pretrained import (
     pretrained,
     pretrained_conditional,
 )
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.pixel_counts import (
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.data.pixel_counts import (
     Data,
     GrayImages,
     gray_images,
@@ -134,9 +134,9 @@ def uncertainty(
     that of the sum of the readings. There are three exceptions, for which the coverage is only
     approximate: sums above 1,024; live pixels of more than 64 kinds, which occur only if the jots
     of a pixel differ, or with a map of dark counts together with different gains
-    (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`); and equivalent counts, as of
-    `jotlight.merge_readings`. Pass the readings instead, and take `jotlight.FreeRunning.interval`
-    for counts with a dead time.
+    (:func:`jotlight.estimators.readings.joint_uncertainty.joint_uncertainty`); and equivalent
+    counts, as of `jotlight.merge_readings`. Pass the readings instead, and take
+    `jotlight.FreeRunning.interval` for counts with a dead time.
 
     For other methods, the coverage is an average over the pixels of photographs (conformal
     prediction), and `docs/results/uncertainty.md` states it for many cases. The errors of "medium",

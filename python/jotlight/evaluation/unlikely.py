@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.evaluation.error_scale import HalfErrors
-from jotlight.sensing.response import Array
+from jotlight.sensing.parameters.response import Array
 
 _NEIGHBORHOOD = 6.0
 """Standard deviation of the neighborhood whose held-out bits decide together, in pixels."""

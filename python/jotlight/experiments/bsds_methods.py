@@ -13,7 +13,7 @@ from jotlight.evaluation.own_method import import_method
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.experiments.method_titles import ALGEBRAIC
 from jotlight.networks.network import Network
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 TWO_LAYER_METHOD = "network-two-layer"

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.special import comb
 
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.parameters.response import detection_probability
 
 
 def posterior_mean_psnr(trials: int, *, nodes: int = 400) -> float:

@@ -26,7 +26,7 @@ from jotlight.experiments.report.content import Claim, Column, Section, Table, V
 from jotlight.experiments.training_runs import paper_sensor
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 SETTINGS = {"bits": 16, "side": None, "rounds": 12, "seed": 0}

@@ -32,7 +32,7 @@ from jotlight.formats.compressed import check_end, naming_file, stream_npy
 from jotlight.formats.labels import MAX_LABEL_BYTES
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.remote_files import open_binary, remote_file
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 _LABEL = "jotlight.json"
 """Name of the member that holds the label of counts."""

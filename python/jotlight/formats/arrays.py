@@ -19,7 +19,7 @@ from isal.igzip_lib import IsalError
 
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.remote_files import open_binary
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.bits.frames import Frames, read_in_chunks
 
 HEADER_ERRORS = (
     ValueError,

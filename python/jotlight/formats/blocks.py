@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 
 def read_by_blocks(frames: Frames, length: int, max_bytes: int | None = None) -> Frames:

@@ -11,14 +11,14 @@ from jotlight.checks import Counts
 from jotlight.errors import counted, warn
 from jotlight.notebook import card, normalize
 from jotlight.progress import Progress, shown_progress
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.crop import OneFrame, Region, crop_frames, split_index
-from jotlight.sensing.frames import Frames, frame_index, read_in_chunks
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
-from jotlight.sensing.scaled_counts import scaled_counts_hint
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.crop import OneFrame, Region, crop_frames, split_index
+from jotlight.sensing.bits.frames import Frames, frame_index, read_in_chunks
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.scaled_counts import scaled_counts_hint
+from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.slices import refuse_no_frames
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.slices import refuse_no_frames
 
 _MAX_COUNT = 2**31 - 1
 """Largest count of an image, and of the sum of all."""

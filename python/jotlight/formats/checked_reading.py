@@ -8,7 +8,7 @@ import numpy.typing as npt
 from isal import isal_zlib
 
 from jotlight.formats.capture import Capture, frames_of, with_frames
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.bits.frames import Frames, read_in_chunks
 
 
 def with_checksum(data: Capture) -> tuple[Capture, Callable[[], tuple[int, int]]]:

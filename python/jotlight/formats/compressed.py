@@ -23,7 +23,7 @@ from jotlight.formats.arrays import (
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.locks import ProcessLock
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 _CHUNK_BYTES = 1 << 20
 """Number of bytes that are decompressed at once."""

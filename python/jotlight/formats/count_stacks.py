@@ -8,10 +8,10 @@ import numpy.typing as npt
 from jotlight.formats.capture import CountStack
 from jotlight.formats.labels import read_counts_label, read_readings_label
 from jotlight.layout import is_single_image
-from jotlight.sensing.bits_checks import warn_about_axes
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits_checks import warn_about_axes
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 

@@ -15,10 +15,10 @@ from jotlight.formats.description import (
 )
 from jotlight.formats.labels import make_bits_label
 from jotlight.formats.packing import check_packed
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import refuse_many_channels
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import refuse_many_channels
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.parameters.provenance import Provenance
 
 
 def open_cube(

@@ -31,8 +31,8 @@ from jotlight.formats.labels import BITS, COUNTS, MAX_LABEL_BYTES, READINGS, VER
 from jotlight.formats.safe_paths import check_inside, resolve_below
 from jotlight.output_files import open_output
 from jotlight.output_links import follow_link
-from jotlight.sensing.maps import MAPS
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.maps import MAPS
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _KEYS = {

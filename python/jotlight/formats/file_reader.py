@@ -11,7 +11,7 @@ import numpy as np
 
 from jotlight.errors import ChangedFileError
 from jotlight.formats.remote_files import remote_file
-from jotlight.sensing.frames import Packed
+from jotlight.sensing.bits.frames import Packed
 
 _MIN_LARGE_PAGES = 1 << 22
 """Minimum number of bytes that are mapped with large pages. Linux reads as many at a time."""

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from jotlight.checks import Counts
 from jotlight.formats.capture import Capture
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Packed
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Packed
+from jotlight.sensing.bits.readings import Readings
 
 
 @dataclasses.dataclass(frozen=True)

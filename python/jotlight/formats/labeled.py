@@ -14,11 +14,11 @@ from jotlight.formats.labels import AS_STATED, BITS, make_bits_label, parse_labe
 from jotlight.formats.limits import check_frame_size
 from jotlight.formats.packing import check_packed, pack_lazily
 from jotlight.layout import is_single_image
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import refuse_many_channels, warn_about_axes
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.maps import MAPS
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import refuse_many_channels, warn_about_axes
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.parameters.maps import MAPS
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 ATTRIBUTE = "jotlight"

@@ -3,8 +3,8 @@
 import json
 from typing import Any
 
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor_like import SensorLike
+from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.sensor_like import SensorLike
 
 BITS = "jotlight bits"
 """Value of "format" in a label of packed bits."""

@@ -11,7 +11,7 @@ from typing import Any
 from jotlight.argument_types import complete_path, pattern_advice, url_of
 from jotlight.formats.description import companion_files
 from jotlight.formats.file_systems import expand_url, url_state
-from jotlight.sensing.maps import MAPS
+from jotlight.sensing.parameters.maps import MAPS
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
 

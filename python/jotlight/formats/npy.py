@@ -36,11 +36,11 @@ from jotlight.formats.packing import pack_lazily
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
 from jotlight.formats.remote_files import remote_file
 from jotlight.output_files import open_output
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import warn_about_axes
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import warn_about_axes
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.parameters.provenance import Provenance
 
 _WriteArray = Callable[[IO[bytes], npt.NDArray[Any] | Frames], None]
 """A function that writes an array, `write_npy` or `write_npy_gz`."""

@@ -19,8 +19,8 @@ from jotlight.formats.registry import FORMATS
 from jotlight.formats.remote import LocalCopy
 from jotlight.formats.selection import select
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames
 
 
 def read_capture(path: str | os.PathLike[str], options: ReadingOptions) -> Capture:

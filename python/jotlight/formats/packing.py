@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import refuse_many_channels
-from jotlight.sensing.byte_levels import WHITE, largest_number
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import refuse_many_channels
+from jotlight.sensing.bits.byte_levels import WHITE, largest_number
+from jotlight.sensing.bits.frames import Frames, read_in_chunks
 
 
 def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:

@@ -9,8 +9,8 @@ from jotlight.formats.compressed import Stream, measure_gzip, naming_file, open_
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.magic import file_type
 from jotlight.output_files import open_output
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, Packed, concatenate, read_in_chunks
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, Packed, concatenate, read_in_chunks
 
 EXTENSIONS = (".bin", ".bin.gz")
 """Extensions of files with raw frames."""

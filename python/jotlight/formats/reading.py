@@ -16,9 +16,9 @@ from jotlight.formats.opening import read_capture
 from jotlight.formats.reading_options import ReadingOptions
 from jotlight.formats.scaled import unscale
 from jotlight.formats.with_mosaic import with_mosaic
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.reading_checks import MAX_BIT_DEPTH
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.parameters.reading_checks import MAX_BIT_DEPTH
 from jotlight.sensing.sensor import Sensor
 
 Data = Bits | Readings | npt.NDArray[np.int32]
@@ -88,7 +88,7 @@ def open(
     bit_depth : int, optional
         For images that are frames of readings of several bits: the bits of a reading, 2 to 16.
         Default: as the file states, and otherwise images are counts.
-    mosaic : str, array_like, or jotlight.sensing.mosaic.Mosaic, optional
+    mosaic : str, array_like, or jotlight.Mosaic, optional
         The color filters of the pixels, such as ``"RGGB"``, as :class:`jotlight.Sensor` takes them.
         Bits then carry a sensor, with the frames of the file if it states none. Default: as the
         file states, and otherwise gray.

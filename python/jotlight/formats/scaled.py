@@ -9,9 +9,9 @@ import numpy.typing as npt
 from jotlight.checks import positive_number, whole_number
 from jotlight.errors import counted, warn
 from jotlight.formats.capture import Capture, CountStack
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, read_frames
-from jotlight.sensing.scaled_counts import (
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, read_frames
+from jotlight.sensing.data.scaled_counts import (
     check_trials,
     find_fewer_trials,
     recognize_trials,
@@ -40,7 +40,7 @@ def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
 
     Examples
     --------
-    >>> from jotlight.sensing.provenance import Provenance
+    >>> from jotlight.sensing.parameters.provenance import Provenance
     >>> stack = CountStack(np.array([[[0, 51, 255]]]), Provenance("png", "mean.png"))
     >>> unscale(stack, 255, 5).sum().tolist()
     [[0, 1, 5]]

@@ -8,10 +8,10 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
-from jotlight.sensing.frames import Frames, read_frames
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor_like import SensorLike
-from jotlight.sensing.slices import refuse_no_frames, require_slice
+from jotlight.sensing.bits.frames import Frames, read_frames
+from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.sensor_like import SensorLike
+from jotlight.sensing.parameters.slices import refuse_no_frames, require_slice
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
 

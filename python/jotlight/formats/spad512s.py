@@ -30,9 +30,9 @@ from jotlight.formats.raw import (
     write_raw,
 )
 from jotlight.formats.safe_paths import MAX_SEARCHED, list_below
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, Packed, concatenate
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, Packed, concatenate
+from jotlight.sensing.parameters.provenance import Provenance
 
 FRAMES_PER_FILE = 1000
 """Maximum number of frames in each file that jotlight writes, as the camera's software does."""

@@ -16,9 +16,9 @@ from jotlight.errors import warn
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
 from jotlight.formats.raw import EXTENSIONS, OTHER_EXTENSIONS, check_frame_size, read_raw, write_raw
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Packed
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Packed
+from jotlight.sensing.parameters.provenance import Provenance
 
 _WIDTH = 512
 _HALF_HEIGHT = 256

@@ -10,7 +10,7 @@ from jotlight.formats.opening import read_capture
 from jotlight.formats.reading_options import ReadingOptions
 from jotlight.formats.registry import FORMATS
 from jotlight.progress import Progress, shown_progress
-from jotlight.sensing.frames import read_in_chunks
+from jotlight.sensing.bits.frames import read_in_chunks
 
 
 def verify_capture(

@@ -22,9 +22,9 @@ from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import check_inside, resolve_below
 from jotlight.formats.scaled import unscale
 from jotlight.output_files import open_output
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, read_frames, read_in_chunks
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, read_frames, read_in_chunks
+from jotlight.sensing.parameters.provenance import Provenance
 
 _FILE_NAME = "transforms.json"
 

@@ -2,9 +2,9 @@
 
 from typing import TypeVar
 
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.contradictions import warn_about_contradictions
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.contradictions import warn_about_contradictions
 from jotlight.sensing.sensor import Sensor
 
 AnyBits = TypeVar("AnyBits", Bits, Readings)

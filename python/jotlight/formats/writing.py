@@ -17,11 +17,11 @@ from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
 from jotlight.layout import MAX_CHANNELS
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, read_frames
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, read_frames
+from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 

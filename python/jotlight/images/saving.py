@@ -22,8 +22,8 @@ from jotlight.images.tone import Tone
 from jotlight.images.video import DEFAULT_FPS, is_floats, video_writer
 from jotlight.layout import looks_like_color
 from jotlight.progress import Progress, shown_progress
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
 
 _SEQUENCES = (Sequence, np.ndarray, Bits, CountStack, Readings)
 """Types of films with a known number of images."""

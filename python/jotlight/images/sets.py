@@ -19,8 +19,8 @@ from jotlight.formats.locations import is_url
 from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image
 from jotlight.progress import Progress, check_progress, shown_progress
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.intensity_scale import warn_about_scale
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.parameters.intensity_scale import warn_about_scale
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
 """Endings of the file names in a folder that are read as images."""

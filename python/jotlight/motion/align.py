@@ -9,7 +9,7 @@ import numpy as np
 
 from jotlight.checks import real_number
 from jotlight.errors import warn
-from jotlight.estimators.planned_motion import MIN_FRAMES
+from jotlight.estimators.planning.planned_motion import MIN_FRAMES
 from jotlight.formats.capture import CountStack, jot_shape
 from jotlight.motion.agreement.consistency import Consistent
 from jotlight.motion.counts.block_edges import block_edges
@@ -27,14 +27,14 @@ from jotlight.motion.path_search import find_paths
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.parameter_names import check_choice
 from jotlight.progress import Progress, shown_progress
-from jotlight.sensing.alike_frames import require_alike_frames
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
-from jotlight.sensing.contradictions import warn_about_contradictions
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.periodic_rates import warn_about_periods
-from jotlight.sensing.reading_groups import refuse_mosaic, without_mosaic
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import check_fits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.alike_frames import require_alike_frames
+from jotlight.sensing.data.contradictions import warn_about_contradictions
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.data.periodic_rates import warn_about_periods
+from jotlight.sensing.parameters.reading_groups import refuse_mosaic, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 

@@ -36,10 +36,10 @@ from jotlight.motion.merging.merged_pixels import MergedAlong, as_fine, as_merge
 from jotlight.motion.merging.threshold_maps import count_still
 from jotlight.motion.motion import Motion
 from jotlight.progress import Progress, shown_progress
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.contradictions import warn_about_contradictions
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.contradictions import warn_about_contradictions
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 _ALIGNING = 0.8

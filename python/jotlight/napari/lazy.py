@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.chunks import windows
 from jotlight.estimators.demosaicing import COLORS
-from jotlight.sensing.alike_frames import check_cycles
+from jotlight.sensing.data.alike_frames import check_cycles
 from jotlight.sensing.merged import Merged
 from jotlight.view.estimate import estimate
 from jotlight.view.running_counts import RunningCounts

@@ -8,8 +8,8 @@ import threading
 from importlib.util import find_spec
 
 from jotlight.napari.lazy import make_layer
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
 from jotlight.view.extra import require_server
 from jotlight.view.viewed import Viewed
 

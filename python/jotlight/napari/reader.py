@@ -12,7 +12,7 @@ from jotlight.formats.detect import detect_format
 from jotlight.formats.raw import OTHER_EXTENSIONS
 from jotlight.formats.reading import as_readings, open_capture
 from jotlight.napari.lazy import LayerData, Reader, make_layer
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.viewed import Viewed
 

@@ -19,9 +19,9 @@ from jotlight.napari.lazy import (
     make_layer,
     source_of,
 )
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.slices import frames_text
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.slices import frames_text
 from jotlight.view.alignment import merge_window
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewed

@@ -13,7 +13,7 @@ from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
 from jotlight.networks.splines import Spline, fit_spline, identity_spline, relu_spline
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.binomial import arcsin_root, squared_sine
+from jotlight.sensing.parameters.binomial import arcsin_root, squared_sine
 from jotlight.sensing.sensor import Sensor, require_trainable
 
 

@@ -15,11 +15,11 @@ is at least the smaller one of p and p'. Squares may gain from squares of square
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.maps import dark_counts_of_mean
+from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.likelihood.reference import reading_information, reference_jot, response_of
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.reference import reading_information, reference_jot, response_of
-from jotlight.sensing.response import intensity_at_probability
+from jotlight.sensing.parameters.maps import dark_counts_of_mean
+from jotlight.sensing.parameters.response import intensity_at_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import sum_squares
 

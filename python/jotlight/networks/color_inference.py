@@ -19,11 +19,11 @@ from jotlight.networks.color_planes import DEVIATIONS, START, Filtered, color_pl
 from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.network import Network
 from jotlight.networks.planes_layers import CENTER
-from jotlight.sensing.binomial import arcsin_root, squared_sine
+from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.likelihood.reference import reference_jot, response_of
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.reference import reference_jot, response_of
+from jotlight.sensing.parameters.binomial import arcsin_root, squared_sine
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.networks.planes_layers import CENTER
-from jotlight.sensing.binomial import arcsin_root
+from jotlight.sensing.parameters.binomial import arcsin_root
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]

@@ -12,9 +12,9 @@ from jotlight.estimators.merge_readings import round_ones
 from jotlight.networks.color_planes import Filtered
 from jotlight.networks.mosaic_planes import estimate_values
 from jotlight.networks.network import Network
+from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.sensor import Sensor
 
 Colors = npt.NDArray[np.float64]

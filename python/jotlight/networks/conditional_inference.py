@@ -13,9 +13,9 @@ from jotlight.networks.finer_grid import (
     estimate_light,
 )
 from jotlight.networks.inference import Image, Inference
-from jotlight.sensing.gray_outputs import output_of
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import gray_images
 from jotlight.sensing.merged import Merged, is_finer
-from jotlight.sensing.pixel_counts import gray_images
 
 
 def estimate_intensity(task: Inference) -> Image:

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from jotlight.blur import blur
 from jotlight.estimators.trial_levels import LocalTrials
-from jotlight.sensing.reference import response_of
+from jotlight.sensing.likelihood.reference import response_of
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

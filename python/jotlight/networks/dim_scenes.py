@@ -16,8 +16,8 @@ from jotlight.estimators.trial_levels import LocalTrials
 from jotlight.networks.dark_regions import match_dark_regions
 from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.trials_map import denoise_fractions
-from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.likelihood.reference import reference_jot
+from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]

@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Final, Self
 import jotlight._engine as engine
 from jotlight.networks.layer import Layer
 from jotlight.networks.precision import DEEP, F32, check_precision
-from jotlight.sensing.reference import Jot, reference_jot
-from jotlight.sensing.response import PixelResponse
+from jotlight.sensing.likelihood.reference import Jot, reference_jot
+from jotlight.sensing.parameters.response import PixelResponse
 from jotlight.sensing.sensor import Sensor
 
 SensorModel = tuple[int, PixelResponse, Jot]

@@ -23,10 +23,10 @@ from jotlight.estimators.trial_levels import LocalTrials, local_trials
 from jotlight.networks.coarse_scales import jots_of_squares
 from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.trials_map import denoise_fractions
-from jotlight.sensing.binomial import arcsin_root
+from jotlight.sensing.likelihood.reference import Jot, reference_jot
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.reference import Jot, reference_jot
-from jotlight.sensing.response import (
+from jotlight.sensing.parameters.binomial import arcsin_root
+from jotlight.sensing.parameters.response import (
     detection_density,
     detection_probability,
     intensity_at_probability,

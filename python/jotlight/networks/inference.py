@@ -16,22 +16,22 @@ from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
 )
-from jotlight.estimators.merge_near import merge_different_jots
+from jotlight.estimators.readings.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
 from jotlight.layout import Layout
 from jotlight.networks.coarse_scales import add_coarse, counts_of_squares, has_few_photons
 from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
 from jotlight.networks.dim_scenes import denoise_dim, may_be_dim
 from jotlight.networks.engine_backed import GrayNetwork, sensor_model
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
-from jotlight.sensing.gray_outputs import output_of
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import check_fits
+from jotlight.sensing.bits.output_images import OutputImages
+from jotlight.sensing.bits.values import check_any_valid
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
+from jotlight.sensing.likelihood.reference import Jot, reference_jot, response_of, typical_jot
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.output_images import OutputImages
-from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
-from jotlight.sensing.reference import Jot, reference_jot, response_of, typical_jot
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.values import check_any_valid
 
 _MAX_BYTES = 1 << 28
 """Maximum number of bytes of the bits in one call, if they are those of several images."""

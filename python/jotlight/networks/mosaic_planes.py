@@ -11,11 +11,11 @@ import numpy.typing as npt
 from jotlight.errors import hide_warnings
 from jotlight.estimators.demosaicing import brightest_mean
 from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
+from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.likelihood.reference import reading_information
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.mosaic import Mosaic, Pattern
-from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.reading_groups import without_mosaic
-from jotlight.sensing.reference import reading_information
+from jotlight.sensing.parameters.mosaic import Mosaic, Pattern
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -93,7 +93,7 @@ def value_weights(values: Image, counted: PixelCounts, mosaic: Mosaic) -> npt.ND
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.data.pixel_counts import count_pixels
     >>> sensor = jl.Sensor(frames=4, gain=32.0)
     >>> counted = count_pixels(np.full((2, 2), 4, np.int32), sensor, None)
     >>> weights = value_weights(np.full((2, 2), 0.5), counted, Mosaic("RGBW"))
@@ -156,7 +156,7 @@ def find_unseen(counted: PixelCounts, mosaic: Mosaic) -> str | None:
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.data.pixel_counts import count_pixels
     >>> sensor = jl.Sensor(frames=4, mask=np.array([[False, False], [False, True]]))
     >>> find_unseen(count_pixels(np.zeros((2, 2), np.int32), sensor, None), Mosaic("RGGB"))
     'B, whose first pixel is (1, 1)'

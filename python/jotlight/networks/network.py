@@ -29,9 +29,9 @@ from jotlight.networks.served_sensors import check_served
 from jotlight.networks.torch_hints import TorchHints
 from jotlight.parameter_names import takes_rng
 from jotlight.seeds import random_generator
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.pixel_counts import Data, gray_images, prepare_data
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.data.gray_outputs import output_of
+from jotlight.sensing.data.pixel_counts import Data, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:

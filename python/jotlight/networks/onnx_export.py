@@ -36,9 +36,12 @@ from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.networks.splines import CUBIC_BASIS
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.reference import Jot, reference_jot
-from jotlight.sensing.response import detection_probability, inverse_detection_probability
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.likelihood.reference import Jot, reference_jot
+from jotlight.sensing.parameters.response import (
+    detection_probability,
+    inverse_detection_probability,
+)
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 _Kind = TypeVar("_Kind", Network, ColorNetwork, FilmNetwork)

@@ -3,7 +3,7 @@
 import math
 
 from jotlight.errors import counted
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.sensor import Sensor, require_any_sensor, require_sensor
 
 

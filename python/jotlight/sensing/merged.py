@@ -15,11 +15,11 @@ from jotlight.checks import as_counts, positive_number, to_array, whole_number_i
 from jotlight.errors import plural
 from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
-from jotlight.sensing.channels import channel_views
-from jotlight.sensing.maps import pixel_means
-from jotlight.sensing.reading_groups import require_plain_bits
+from jotlight.sensing.bits.channels import channel_views
+from jotlight.sensing.bits.values import checked_trials, extent, numbers_from_zero
+from jotlight.sensing.parameters.maps import pixel_means
+from jotlight.sensing.parameters.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.values import checked_trials, extent, numbers_from_zero
 
 MAX_SILENT_TRIALS = 0.01
 """Maximum number of trials of a pixel that says nothing, but is not dead."""

@@ -11,13 +11,13 @@ import numpy.typing as npt
 from jotlight.arrays import HasReadOnlyArrays
 from jotlight.checks import number_in_range, shown
 from jotlight.parameter_names import check_choice, require_names
-from jotlight.sensing import reading_groups
-from jotlight.sensing.exposure import Exposure
-from jotlight.sensing.maps import LIMITS
-from jotlight.sensing.reading_groups import ReadingGroup
-from jotlight.sensing.response import JotResponse, PixelResponse
-from jotlight.sensing.sensor_checks import SYNONYMS, checked_parameters
-from jotlight.sensing.simulate import EnginePart
+from jotlight.sensing.drawing.exposure import Exposure
+from jotlight.sensing.drawing.simulate import EnginePart
+from jotlight.sensing.parameters import reading_groups
+from jotlight.sensing.parameters.maps import LIMITS
+from jotlight.sensing.parameters.reading_groups import ReadingGroup
+from jotlight.sensing.parameters.response import JotResponse, PixelResponse
+from jotlight.sensing.parameters.sensor_checks import SYNONYMS, checked_parameters
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
@@ -70,7 +70,7 @@ class Sensor(Exposure, HasReadOnlyArrays):
         σ: the standard deviation of the noise that is added to the number of photons before
         rounding, in photons: 0, or 0.001 to 100. A reading is round(Y + σ N), clipped to
         0 ... 2^b - 1; one of one bit is whether round(Y + σ N) is at least `threshold`.
-    mosaic : str, array_like, or jotlight.sensing.mosaic.Mosaic, optional
+    mosaic : str, array_like, or jotlight.Mosaic, optional
         The color filter of each pixel, which covers all of its K̂ x K̂ jots: letters such as
         ``"RGGB"``, or anything that a Mosaic takes. The image is then red, green, and blue,
         (H, W, 3), and so is the estimate. The kernel must be the box. Default: a gray sensor.
@@ -231,7 +231,7 @@ class Sensor(Exposure, HasReadOnlyArrays):
 
         Examples
         --------
-        >>> from jotlight.sensing.mosaic import Mosaic
+        >>> from jotlight.sensing.parameters.mosaic import Mosaic
         >>> jl.Sensor(mosaic=Mosaic("RGGB", white_balance=[1.2, 1, 1.5])).without_white_balance()
         Sensor(mosaic=Mosaic('RGGB'))
         """

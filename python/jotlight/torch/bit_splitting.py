@@ -16,11 +16,11 @@ from jotlight.errors import hide_warnings
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.network import Network
 from jotlight.networks.trials_map import denoise_fractions
-from jotlight.sensing import response
-from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.reference import Jot, reference_jot
+from jotlight.sensing.bits.subsampling import LongCounts, subsample_counts
+from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.likelihood.reference import Jot, reference_jot
+from jotlight.sensing.parameters import response
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.subsampling import LongCounts, subsample_counts
 from jotlight.torch.blind_spots import draw_blind_spots, fill_blind_spots
 from jotlight.torch.estimates import probability_of
 from jotlight.torch.response import detection_probability
@@ -115,7 +115,7 @@ class BitSplitter:
 
     Examples
     --------
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.data.pixel_counts import count_pixels
     >>> sensor = jl.Sensor(frames=8)
     >>> channels = [count_pixels(np.full((32, 32), 4), sensor, None)]
     >>> rng = np.random.default_rng(0)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import fill_from_nearest
-from jotlight.sensing.subsampling import LongCounts
+from jotlight.sensing.bits.subsampling import LongCounts
 
 FRACTION = 0.1
 """Fraction of the pixels whose bits are hidden in a step."""

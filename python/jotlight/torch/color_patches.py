@@ -13,8 +13,8 @@ from jotlight.networks.color_inference import (
 )
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import COLOR_START, FOLDER
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.patches import PatchLoader
 from jotlight.training.patch_sources import Patch

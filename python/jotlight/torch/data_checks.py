@@ -4,8 +4,8 @@ import torch
 from torch import Tensor
 
 from jotlight.errors import warn
-from jotlight.sensing.intensity_scale import warn_about_scale
-from jotlight.sensing.scaled_counts import range_error
+from jotlight.sensing.data.scaled_counts import range_error
+from jotlight.sensing.parameters.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
 
 _UNORDERED = torch.uint16, torch.uint32, torch.uint64

@@ -15,8 +15,8 @@ from torch import Tensor
 from jotlight.errors import needs_module
 from jotlight.estimators.mle import mle
 from jotlight.networks.network import Network
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.likelihood.likelihood import Likelihood
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.data_checks import as_floats
 from jotlight.torch.network import Network as TorchNetwork

@@ -17,8 +17,8 @@ from jotlight.networks.coarse_scales import (
 )
 from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
 from jotlight.networks.dim_scenes import combine, may_be_dim, weight_of_combined
-from jotlight.sensing.reference import reference_jot, response_of
-from jotlight.sensing.response import detection_density, inverse_detection_probability
+from jotlight.sensing.likelihood.reference import reference_jot, response_of
+from jotlight.sensing.parameters.response import detection_density, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import sum_squares
 from jotlight.torch.response import detection_probability

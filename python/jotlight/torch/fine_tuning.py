@@ -17,15 +17,15 @@ from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import (
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.data.pixel_counts import (
     PixelCounts,
     count_pixels,
     gray_images,
     prepare_data,
 )
-from jotlight.sensing.scaled_counts import check_whole
+from jotlight.sensing.data.scaled_counts import check_whole
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor, require_trainable
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit

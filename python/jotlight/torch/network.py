@@ -18,7 +18,7 @@ from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.data_checks import as_floats, check_data, refuse_tracing
 from jotlight.torch.estimates import (

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from jotlight.errors import hide_warnings
 from jotlight.networks.network import Network
-from jotlight.sensing.intensity_scale import MEANING
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.parameters.intensity_scale import MEANING
+from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch import response
 from jotlight.torch.network import Network as TorchNetwork

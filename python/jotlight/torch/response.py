@@ -5,7 +5,7 @@ import math
 import torch
 from torch import Tensor
 
-from jotlight.sensing.response import probability_formula
+from jotlight.sensing.parameters.response import probability_formula
 
 _SERIES_TERMS = 18
 """Number of series terms of P for s < 1; the remainder is below the rounding error."""

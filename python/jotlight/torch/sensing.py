@@ -6,7 +6,7 @@ from torch.nn import functional
 
 import jotlight._engine as engine
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.reading_groups import require_plain_bits
+from jotlight.sensing.parameters.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import KERNELS, Sensor, require_any_sensor
 from jotlight.torch.data_checks import as_floats, check_intensities, shape_advice, warn_about_levels
 from jotlight.torch.padding import mirror_pad

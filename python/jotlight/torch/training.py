@@ -18,7 +18,7 @@ from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.networks.precision import F32
 from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.progress import Progress
-from jotlight.sensing.intensity_scale import warn_about_scale
+from jotlight.sensing.parameters.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.ahead import AheadLoader
 from jotlight.torch.color_patches import ColorPatchLoader

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training.patch_sources import Patch, PatchSource
 from jotlight.training.random_mosaics import random_mosaic
 from jotlight.training.synthetic_patches import SyntheticPatches

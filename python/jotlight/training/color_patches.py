@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training.patch_sources import Patch
 from jotlight.training.photographs import PhotographPatches, require_photographs
 from jotlight.training.random_mosaics import random_mosaic

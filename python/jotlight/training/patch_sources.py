@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training.images import (
     ImageGenerator,
     Images,

@@ -10,8 +10,8 @@ from jotlight.checks import whole_number
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.seeds import seed_bytes
-from jotlight.sensing.intensity_scale import warn_about_scale
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.likelihood.reference import reference_jot
+from jotlight.sensing.parameters.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.images import (
     ImageGenerator,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 _QUAD_BAYER = "RRGG/RRGG/GGBB/GGBB"
 _X_TRANS = "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG"

@@ -8,7 +8,7 @@ from jotlight.motion.merge import merge
 from jotlight.motion.merging.jot_kinds import frames_of_kinds
 from jotlight.motion.motion import Motion
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.view.estimate import choose
 from jotlight.view.viewed import Check, Viewable
 

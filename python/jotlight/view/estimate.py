@@ -16,13 +16,13 @@ from jotlight.evaluation.methods import BLEND_METHOD, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.channels import last_channel_axis
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.pixel_counts import Data
+from jotlight.sensing.likelihood.multibit import ReadingLikelihood
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.multibit import ReadingLikelihood
-from jotlight.sensing.pixel_counts import Data
-from jotlight.sensing.reading_groups import without_mosaic
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.counted import EQUIVALENT, ONES, Counted, counted_by
 from jotlight.view.state import COUNTS

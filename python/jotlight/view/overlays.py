@@ -9,10 +9,10 @@ import numpy.typing as npt
 from jotlight.calibration.hot_jots import hot_jots_of, hot_jots_unknown_reason
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.slices import frames_text
+from jotlight.sensing.parameters.slices import frames_text
 from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
 from jotlight.view.state import COUNTS

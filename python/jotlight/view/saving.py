@@ -17,10 +17,10 @@ from jotlight.images.exr import check_exr
 from jotlight.images.io import image_writer
 from jotlight.motion.motion import Motion
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.view.alignment import merge_window
 from jotlight.view.display import display_difference, displayable, fit_white, tone_of
 from jotlight.view.estimate import DEMOSAICING, Estimate, choose, estimate

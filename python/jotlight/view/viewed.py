@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import Capture, CountStack, assumed_sensor_note
 from jotlight.kept import kept_property
-from jotlight.sensing.alike_frames import exposure_cycle, repeat_exposures
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.alike_frames import exposure_cycle, repeat_exposures
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 MAX_BRIEF_BYTES = 1 << 23

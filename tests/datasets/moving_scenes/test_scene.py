@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 import jotlight as jl
 from jotlight.datasets import MOTIONS, moving
 from jotlight.datasets.moving_scenes.kinds import _blob
-from jotlight.sensing.multibit import reading_probability
+from jotlight.sensing.likelihood.multibit import reading_probability
 
 CAMERA = gaussian_filter(jl.datasets.photograph()[100:356, 150:406], 2)
 COINS = gaussian_filter(jl.datasets.photograph("coins")[:160, :160], 2)

@@ -10,7 +10,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.zarr import writing
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 zarr = pytest.importorskip("zarr")
 

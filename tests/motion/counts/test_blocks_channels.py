@@ -7,7 +7,7 @@ import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.burst import as_burst
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from moving import blocks_of
 from reference.motion import shifted_counts
 

@@ -10,8 +10,8 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.counts import burst as module
 from jotlight.motion.counts import kept_sums
 from jotlight.motion.counts.burst import as_burst
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.parameters.provenance import Provenance
 
 PROVENANCE = Provenance("npy", "counts.npy")
 RNG = np.random.default_rng(0)

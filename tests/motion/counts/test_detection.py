@@ -7,7 +7,7 @@ import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.motion.counts import detection
 from jotlight.motion.counts.detection import THRESHOLD, motion_score
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 
 PHOTO = jl.datasets.photograph("camera")[100:292, 150:342]
 

@@ -15,7 +15,7 @@ from jotlight.motion.counts.jots import Jots
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.disagreement import chi_squared, disagreement
 from jotlight.motion.displacements.scoring import Template, make_blurred_template, normal_equations
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.parameters.response import detection_probability
 
 SIZE = 80, 96
 MANY = 10**6

@@ -8,7 +8,7 @@ from jotlight.motion.counts.burst import as_burst
 from jotlight.motion.counts.jots import Jots, SeenJots, inverse_response, response
 from jotlight.motion.counts.sensor_blocks import as_blocks
 from jotlight.motion.counts.sums import Sums
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.parameters.response import detection_probability
 
 SIZE = 40, 70
 

@@ -9,10 +9,10 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.counts.reading_counts import ReadingCounts, counts_of_readings
 from jotlight.motion.films.estimates import FilmEstimates
 from jotlight.motion.films.film import film
-from jotlight.sensing.multibit import reading_probability
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.likelihood.multibit import reading_probability
+from jotlight.sensing.parameters.provenance import Provenance
 
 FRAMES, SHAPE = 64, (96, 112)
 SENSORS = [

@@ -5,8 +5,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion.counts.reading_response import Response
-from jotlight.sensing.multibit import reading_probability
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.likelihood.multibit import reading_probability
+from jotlight.sensing.parameters.response import detection_probability
 
 SENSORS = [
     jl.Sensor(bit_depth=2),

@@ -10,7 +10,7 @@ from jotlight.motion.counts.block_edges import block_edges
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.burst import as_burst
 from jotlight.motion.displacements.velocity import _count_blocks, find_velocities
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from moving import as_burst_of, blocks_of, moved
 
 

@@ -18,8 +18,8 @@ from jotlight.motion.films.image import count_nearest
 from jotlight.motion.films.live_film import LiveFilm
 from jotlight.motion.merge import as_paths
 from jotlight.networks.film_network import FilmNetwork
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.likelihood.reference import reference_jot
+from jotlight.sensing.parameters.provenance import Provenance
 
 INITIAL = FilmNetwork.initial("small", rng=0)
 

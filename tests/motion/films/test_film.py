@@ -13,7 +13,7 @@ from jotlight.motion.align import as_motion
 from jotlight.motion.films.carrying import carry
 from jotlight.motion.films.film import film
 from jotlight.motion.merge import as_paths
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from moving import blocks_of
 
 PHOTO = jl.datasets.photograph("camera")

@@ -12,8 +12,8 @@ from jotlight.motion.films.kinds import FilmKinds
 from jotlight.motion.films.live_film import LiveFilm
 from jotlight.motion.merging.mosaic_colors import is_mergeable
 from jotlight.motion.merging.squares import in_squares
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from moving import behind, film_settings
 
 FRAMES, SIZE = 96, (64, 80)

@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.motion.films.film import film
 from jotlight.motion.films.live_film import LiveFilm
-from jotlight.sensing import periodic_rates
+from jotlight.sensing.data import periodic_rates
 from moving import record
 
 

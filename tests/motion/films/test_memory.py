@@ -12,7 +12,7 @@ from jotlight.motion.films.memory import Memory, remembers, sum_leaving
 from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import tile_counts
-from jotlight.sensing.reference import Jot
+from jotlight.sensing.likelihood.reference import Jot
 from moving import blocks_of
 
 SIZE = 48, 64

@@ -11,7 +11,7 @@ from jotlight.motion.merging.jot_kinds import (
     sensors_of_kinds,
     without_kinds,
 )
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 
 SENSORS = [
     jl.Sensor(frames=4, mosaic="RGGB"),

@@ -13,9 +13,9 @@ from jotlight.motion.merging import squares
 from jotlight.motion.merging.mosaic_colors import _with_neighbors, sensors_of_colors
 from jotlight.motion.merging.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import tile_centers
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.provenance import Provenance
 from moving import behind
 
 FRAMES, SIZE, LARGE = 96, (96, 112), (128, 160)

@@ -13,8 +13,8 @@ from jotlight.motion.films.film import film
 from jotlight.motion.films.live_film import LiveFilm
 from jotlight.motion.merging.threshold_maps import join_thresholds, sensors_of_thresholds
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.response import detection_probability
 
 SIZE, FRAMES = (96, 112), 96
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.view.live.capture import LiveCapture
 from jotlight.view.live.ring import FrameLayout, FrameRing
 

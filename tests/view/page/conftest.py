@@ -3,7 +3,7 @@
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.view.viewed import Opening, Viewed
 from painted import EVIL, RECORD, final
 

@@ -19,10 +19,10 @@ from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.errors import hide_warnings
 from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.seeds import SeedLike, random_generator
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.parameters.intensity_scale import MEANING, warn_about_scale
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]

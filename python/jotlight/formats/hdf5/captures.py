@@ -25,9 +25,9 @@ from jotlight.formats.magic import has_type
 from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
 from jotlight.interrupts import hold_signals
 from jotlight.output_files import open_output
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, read_in_chunks
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, read_in_chunks
+from jotlight.sensing.parameters.provenance import Provenance
 
 _MAX_CHUNK_BYTES = 1 << 28
 """Maximum size of a chunk in bytes. The library decompresses a chunk as a whole."""

@@ -40,10 +40,10 @@ from jotlight.formats.packing import pack_lazily
 from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
 from jotlight.formats.safe_paths import MAX_SEARCHED, list_below
 from jotlight.layout import is_single_image
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import warn_about_axes
-from jotlight.sensing.frames import Frames, concatenate
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import warn_about_axes
+from jotlight.sensing.bits.frames import Frames, concatenate
+from jotlight.sensing.parameters.provenance import Provenance
 
 _TIFF_EXTENSIONS = (".tif", ".tiff")
 _PNG_EXTENSIONS = (".png",)

@@ -12,7 +12,7 @@ from jotlight.files import atomic_write
 from jotlight.formats.checksums import append_checksum
 from jotlight.formats.labels import make_readings_label
 from jotlight.output_files import open_output
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.readings import Readings
 
 
 def _smallest_type(counts: Counts) -> npt.NDArray[Any]:

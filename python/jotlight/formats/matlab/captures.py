@@ -26,10 +26,10 @@ from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import check_inside
 from jotlight.interrupts import interruptible
 from jotlight.output_files import open_output
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import warn_about_axes
-from jotlight.sensing.frames import concatenate
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import warn_about_axes
+from jotlight.sensing.bits.frames import concatenate
+from jotlight.sensing.parameters.provenance import Provenance
 
 _FRAMES_PER_PART, _BYTES_PER_PART = 256, 1 << 26
 """Maximum number of frames, and of their bytes, in each file that jotlight writes."""

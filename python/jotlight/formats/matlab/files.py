@@ -18,7 +18,7 @@ from jotlight.formats.locks import ProcessLock
 from jotlight.formats.magic import has_type
 from jotlight.formats.matlab.sizes import check_sizes, check_streams, extract_variable
 from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.frames import Frames
 
 VARIABLE = "OUTPUT"
 """Name of the variable that the software of cameras and jotlight write."""

@@ -30,9 +30,9 @@ from jotlight.formats.zarr.manifest import (
     verify_chunks,
 )
 from jotlight.formats.zarr.writing import import_zarr, write_bits, write_counts
-from jotlight.sensing.frames import Frames
-from jotlight.sensing.maps import MAPS
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.parameters.maps import MAPS
+from jotlight.sensing.parameters.provenance import Provenance
 
 _MAX_ARRAYS = 1000
 """Maximum number of files that describe arrays and groups."""

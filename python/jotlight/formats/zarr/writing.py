@@ -16,8 +16,8 @@ from jotlight.files import atomic_folder
 from jotlight.formats.labeled import ATTRIBUTE, bits_label
 from jotlight.formats.labels import COUNTS, VERSION
 from jotlight.formats.zarr.manifest import BITS_ARRAY, write_manifest
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames
 
 _CHUNK_BYTES = 1 << 23
 """Approximate size in bytes of the chunks that jotlight writes."""

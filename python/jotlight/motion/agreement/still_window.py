@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.estimators.planned_motion import MIN_FRAMES
+from jotlight.estimators.planning.planned_motion import MIN_FRAMES
 from jotlight.motion.agreement.held_out import Fold, central_frames, count_in_place, frames_around
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.track import Paths

@@ -17,7 +17,7 @@ from jotlight.motion.counts.frame_times import Times, locate, places_of
 from jotlight.motion.counts.jots import Jots, SeenJots
 from jotlight.motion.counts.sums import Counts, Sums
 from jotlight.motion.tiles import TILE
-from jotlight.sensing.reference import Jot
+from jotlight.sensing.likelihood.reference import Jot
 
 Fields = Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating]
 """Displacements at two or more times."""

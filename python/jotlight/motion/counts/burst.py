@@ -10,11 +10,11 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.formats.capture import CountStack
 from jotlight.motion.counts.dark_frames import as_spans
-from jotlight.sensing.alike_frames import require_alike_frames
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import channel_views
-from jotlight.sensing.frames import Frames, read_frames
-from jotlight.sensing.readings import Readings
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.channels import channel_views
+from jotlight.sensing.bits.frames import Frames, read_frames
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.alike_frames import require_alike_frames
 from jotlight.sensing.sensor import Sensor
 
 Planes = list[tuple[int, npt.NDArray[np.uint8]]]

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
 from jotlight.motion.counts.burst import Burst, as_burst
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.response import (
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.parameters.response import (
     detection_density,
     detection_probability,
     inverse_detection_probability,

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.counts.lights import constant_light
-from jotlight.sensing.reference import Jot, reference_jot
-from jotlight.sensing.response import detection_density, detection_probability
+from jotlight.sensing.likelihood.reference import Jot, reference_jot
+from jotlight.sensing.parameters.response import detection_density, detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Maps = npt.NDArray[np.float32]

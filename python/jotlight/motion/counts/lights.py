@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.kept import kept_property
-from jotlight.sensing.response import detection_density, detection_probability
+from jotlight.sensing.parameters.response import detection_density, detection_probability
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]

@@ -17,27 +17,27 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.merge_readings import join_channels, linear_counts
-from jotlight.estimators.neighbors import average_fractions, toward_own
-from jotlight.estimators.reference_sensors import (
+from jotlight.estimators.readings.neighbors import average_fractions, toward_own
+from jotlight.estimators.readings.reference_sensors import (
     light_share,
     reference_dark_counts,
     reference_sensor,
 )
-from jotlight.estimators.whole_counts import diffuse
+from jotlight.estimators.readings.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.kept import kept_property
 from jotlight.motion.counts.reading_response import Response
 from jotlight.motion.motion import Motion
-from jotlight.sensing.alike_frames import exposure_cycle
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import check_fits
+from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.alike_frames import exposure_cycle
+from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.reading_groups import without_mosaic
-from jotlight.sensing.readings import Readings
-from jotlight.sensing.response import Array
+from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.reading_groups import without_mosaic
+from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _TRIALS_PER_PHOTON = 4

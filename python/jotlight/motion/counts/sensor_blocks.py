@@ -10,7 +10,7 @@ from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.burst import Burst
 from jotlight.motion.counts.dark_frames import find_dark
 from jotlight.motion.counts.jots import Jots
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 
 _MIN_HOT_RATIO = 5.0

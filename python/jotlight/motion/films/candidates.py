@@ -19,7 +19,7 @@ from jotlight.motion.films.settings import FilmSettings
 from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
 from jotlight.motion.outlines.likelihood_gain import likelihood_gain
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 

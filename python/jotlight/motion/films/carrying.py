@@ -28,7 +28,7 @@ from jotlight.motion.motion import Motion
 from jotlight.motion.outlines.depth import refine_outlines
 from jotlight.motion.outlines.outlines import choose_labels
 from jotlight.motion.tiles import affine_inverse, tile_counts
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]

@@ -15,10 +15,10 @@ from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.film_planes import Counts, film_planes, usual_trials
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import FILM_START, FOLDER, pretrained_film
-from jotlight.sensing.binomial import arcsin_root
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.likelihood.reference import response_of
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.reference import response_of
+from jotlight.sensing.parameters.binomial import arcsin_root
 from jotlight.squares import mean_squares
 
 Image = npt.NDArray[np.float32]

@@ -15,11 +15,11 @@ from jotlight.motion.films.kinds import KindsFilmState
 from jotlight.motion.films.settings import FilmSettings
 from jotlight.motion.films.state import FilmState
 from jotlight.motion.merging.jot_kinds import frames_of_kinds, has_kinds
-from jotlight.sensing.alike_frames import check_cycles
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.contradictions import warn_about_contradictions
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.alike_frames import check_cycles
+from jotlight.sensing.data.contradictions import warn_about_contradictions
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 

@@ -3,7 +3,7 @@
 import dataclasses
 
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 
 
 @dataclasses.dataclass(frozen=True)

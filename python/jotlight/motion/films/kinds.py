@@ -19,9 +19,9 @@ from jotlight.motion.merging.jot_kinds import frames_of_kinds, join_kinds, senso
 from jotlight.motion.merging.mosaic_colors import check_mergeable
 from jotlight.motion.merging.squares import Counts, JotSquares, enlarge_motion, trials_of_frame
 from jotlight.motion.motion import Motion
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 

@@ -9,10 +9,10 @@ from jotlight.motion.films.frames import FilmFrames
 from jotlight.motion.films.image import FilmImage
 from jotlight.motion.films.settings import KEPT_WINDOWS, FilmSettings
 from jotlight.motion.merging.jot_kinds import frames_of_kinds, without_kinds
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
-from jotlight.sensing.contradictions import warn_about_contradictions
-from jotlight.sensing.reading_groups import require_plain_bits
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import check_fits
+from jotlight.sensing.data.contradictions import warn_about_contradictions
+from jotlight.sensing.parameters.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 
 _ADVICE = (

@@ -12,12 +12,12 @@ from jotlight.formats.capture import CountStack, jot_shape
 from jotlight.motion.counts.burst import refuse_pixels
 from jotlight.motion.merging.mosaic_colors import join_colors, sensors_of_colors
 from jotlight.motion.merging.threshold_maps import join_thresholds, sensors_of_thresholds
-from jotlight.sensing.alike_frames import require_alike_frames
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
-from jotlight.sensing.data_lists import carried_sensor
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.bits_checks import check_fits
+from jotlight.sensing.data.alike_frames import require_alike_frames
+from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.reading_groups import frames_differ, without_mosaic
+from jotlight.sensing.parameters.reading_groups import frames_differ, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 

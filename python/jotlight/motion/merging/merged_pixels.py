@@ -11,9 +11,9 @@ from jotlight.motion.counts.jots import SeenJots
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
-from jotlight.sensing.channels import stack_channels
+from jotlight.sensing.bits.channels import stack_channels
+from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import mean_squares, repeat_squares
 

@@ -11,7 +11,7 @@ from jotlight.estimators.merge_readings import round_ones
 from jotlight.motion.merging.merged_pixels import mean_map
 from jotlight.motion.merging.squares import squares_side
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Map = npt.NDArray[np.float64]

@@ -15,12 +15,15 @@ import numpy.typing as npt
 from jotlight.formats.capture import CountStack, jot_shape
 from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import TILE, tile_centers
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, read_frames
-from jotlight.sensing.maps import constant_or_map
-from jotlight.sensing.mosaic import Pattern
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.response import detection_probability, inverse_detection_probability
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Frames, read_frames
+from jotlight.sensing.parameters.maps import constant_or_map
+from jotlight.sensing.parameters.mosaic import Pattern
+from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.response import (
+    detection_probability,
+    inverse_detection_probability,
+)
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import mean_squares, repeat_squares
 

@@ -7,17 +7,17 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import linear_counts
-from jotlight.estimators.neighbors import average_fractions, toward_own
-from jotlight.estimators.reference_sensors import light_share, reference_sensor
-from jotlight.estimators.whole_counts import diffuse
+from jotlight.estimators.readings.merge_near import Merging
+from jotlight.estimators.readings.neighbors import average_fractions, toward_own
+from jotlight.estimators.readings.reference_sensors import light_share, reference_sensor
+from jotlight.estimators.readings.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.motion.merging.merged_pixels import mean_map
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.joint_likelihood import joint_likelihood
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.response import (
+from jotlight.sensing.parameters.response import (
     Array,
     detection_density,
     detection_probability,
@@ -101,7 +101,7 @@ def count_still(
     """Return equivalent counts of a scene that stands still, near averages of neighbors.
 
     Each jot has then seen its place with one threshold alone, so some pixels say much and their
-    neighbors little. :class:`jotlight.estimators.merge_near.Merging` smooths such counts.
+    neighbors little. :class:`jotlight.estimators.readings.merge_near.Merging` smooths such counts.
 
     Parameters
     ----------

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from jotlight.errors import error_message
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.live.ring import FrameRing
 from jotlight.view.live.tails import Tail

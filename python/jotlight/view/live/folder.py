@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from jotlight.formats.capture import Capture
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits.bits import Bits
 from jotlight.view.live.capture import LiveCapture
 from jotlight.view.live.tails import POLL_SECONDS
 

@@ -19,11 +19,11 @@ from jotlight.formats.locations import STANDARD_INPUT
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.data_lists import carried_sensor
-from jotlight.sensing.frames import Packed
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.reading_groups import frames_differ
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Packed
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.reading_groups import frames_differ
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.live.capture import LiveCapture, read_stream
 from jotlight.view.live.folder import FolderReader, open_first

@@ -1,0 +1,10 @@
+"""Plans of captures: errors before there are any bits.
+
+In reading order:
+
+- ``planning``: the plan. ``planned_bits``, ``planned_readings``: the errors of bits, and of
+  readings.
+- ``bracketing``, ``bracket_choice``: brackets for a range of light.
+- ``planned_estimates``: the errors of readings that differ. ``planned_motion``: moving scenes.
+- ``figure``: drawings of plans.
+"""

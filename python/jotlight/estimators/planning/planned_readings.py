@@ -1,0 +1,64 @@
+"""The expected quality of readings of several bits, or with read noise, before a capture."""
+
+import numpy as np
+
+from jotlight.estimators.planning.planned_estimates import PlannedEstimates, PlannedGroup
+from jotlight.sensing.likelihood.reference import reference_jot, saturation_rate
+from jotlight.sensing.parameters.response import Array
+from jotlight.sensing.sensor import Sensor
+
+_MAX_LIGHT = 1e7
+"""Maximum light at which saturation is searched."""
+
+_STEPS = 100
+"""Number of bisections of a level of light."""
+
+
+class PlannedReadings:
+    """The distribution of the estimated light of one pixel with equal jots.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor. Its number of frames has no effect.
+    max_intensity : float or None
+        S of the estimates, or None for the intensity half a reading below saturation.
+    max_level : float
+        The largest level of light, in photons per jot and frame.
+    """
+
+    def __init__(self, sensor: Sensor, max_intensity: float | None, max_level: float) -> None:
+        self.jots = sensor.oversampling**2
+        self.efficiency, self.dark_counts = reference_jot(sensor)
+        self.max_light = (
+            None if max_intensity is None else max_intensity * sensor.light_per_intensity
+        )
+        self._sensor = sensor
+        group = PlannedGroup(sensor.jot_response(), self.efficiency, self.dark_counts)
+        self._jot, self._estimates = group.jot, PlannedEstimates([group], max_level)
+
+    def bias_and_mse(self, frames: int, levels: Array) -> tuple[Array, Array]:
+        """Return the bias and the mean square error of the clipped estimate at each level."""
+        number, max_light = frames * self.jots, self.max_light
+        if max_light is None:
+            rate = saturation_rate(self._sensor, number)
+            max_light = max(rate - self.dark_counts, 0.0) / self.efficiency
+        errors = [
+            self._estimates.bias_and_mse([number], float(level), max_light) for level in levels
+        ]
+        bias, mse = np.transpose(errors)
+        return bias, mse
+
+    def information(self, levels: Array) -> Array:
+        """Return the Fisher information of one reading about the light, at each level."""
+        return self._jot.information_per_reading(levels)
+
+    def saturation_light(self, frames: int, fraction: float) -> float:
+        """Return the light at which all readings are the largest in a fraction of the pixels."""
+        low, high, number = 0.0, _MAX_LIGHT, frames * self.jots
+        for _ in range(_STEPS):
+            middle = np.sqrt(max(low, 1e-3 * high) * high)
+            largest = self._jot.probability(self._jot.max_reading, np.array([middle]))[0]
+            is_below = number * np.log(max(largest, 1e-300)) < np.log(fraction)
+            low, high = (middle, high) if is_below else (low, middle)
+        return high

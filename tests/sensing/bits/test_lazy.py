@@ -1,0 +1,116 @@
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.sensing.bits import lazy
+from jotlight.sensing.bits.frames import Frames
+
+pytest.importorskip("dask")
+
+
+@pytest.fixture
+def capture(tmp_path):
+    path = tmp_path / "capture.npy"
+    bits = jl.Bits.from_array(np.random.default_rng(0).random((50, 6, 13)) < 0.4)
+    jl.save(bits, path)
+    return path
+
+
+@pytest.mark.parametrize("chunks", [7, 50, 1000, "24B", "1MiB", (7, -1, -1), (-1, 6, 2)])
+def test_lazy_bits_equal_the_packed_bits(capture, chunks):
+    bits = jl.open(capture)
+    lazy_bits = bits.to_dask(chunks)
+    assert lazy_bits.dtype == np.uint8
+    assert lazy_bits.shape == bits.packed.shape
+    np.testing.assert_array_equal(lazy_bits.compute(), np.asarray(bits.packed))
+
+
+def test_slices_of_lazy_bits_are_those_of_the_array(capture):
+    bits = jl.open(capture)
+    packed, x = np.asarray(bits.packed), bits.to_dask(8)
+    for key in (3, slice(3, 40, 5), slice(40, 3, -4), (slice(2, 9), 1, slice(0, 1)), slice(5, 5)):
+        np.testing.assert_array_equal(x[key].compute(), packed[key])
+
+
+def test_lazy_bits_do_not_hold_the_frames(capture):
+    bits = jl.open(capture)
+    big = jl.Bits(bits.packed, 13)
+    assert len(pickle.dumps(big.to_dask(1))) < 20_000
+
+
+def test_the_same_file_has_the_same_name(capture):
+    first, second = (jl.open(capture).to_dask(8) for _ in range(2))
+    assert first.name == second.name
+    assert first.name != jl.open(capture)[1:].to_dask(8).name
+
+
+def test_a_file_that_changed_is_refused(capture):
+    lazy_bits = jl.open(capture).to_dask()
+    packed = np.load(capture)
+    np.save(capture, packed[:20])
+    with pytest.raises((OSError, ValueError), match="changed"):
+        lazy_bits.compute()
+
+
+def test_copies_in_a_process_share_the_files_that_they_open(capture, monkeypatch):
+    monkeypatch.setattr(lazy, "_COPIES", {})
+    text = pickle.dumps(lazy.FrameSource(jl.open(capture).packed, "first"))
+    assert pickle.loads(text) is pickle.loads(text)
+    for number in range(4):
+        pickle.loads(pickle.dumps(lazy.FrameSource(jl.open(capture).packed, str(number))))
+    assert len(lazy._COPIES) == 4
+    assert "first" not in lazy._COPIES
+
+
+def test_a_file_that_changed_gets_another_copy(capture, monkeypatch):
+    monkeypatch.setattr(lazy, "_COPIES", {})
+    first = pickle.loads(pickle.dumps(jl.open(capture).to_dask(8)))
+    packed = np.load(capture)
+    np.testing.assert_array_equal(first.compute(scheduler="sync"), packed)
+    np.save(capture, packed[::-1])
+    second = pickle.loads(pickle.dumps(jl.open(capture).to_dask(8)))
+    np.testing.assert_array_equal(second.compute(scheduler="sync"), packed[::-1])
+    with pytest.raises((OSError, ValueError), match="changed"):
+        first.compute(scheduler="sync")
+
+
+def test_frames_that_are_decoded_are_read():
+    frames = Frames((10, 2, 3), lambda a, b: np.full((b - a, 2, 3), 7, np.uint8))
+    assert jl.Bits(frames).to_dask(4).compute().tolist() == [[[7] * 3] * 2] * 10
+
+
+@pytest.mark.parametrize(
+    ("chunks", "error", "message"),
+    [
+        ("11B", ValueError, "expected at least 12 bytes, which is one frame"),
+        ("much", ValueError, "expected a size such as"),
+        (0, ValueError, "1 frame or more"),
+        (2.5, TypeError, "a number of frames, or a shape"),
+        (True, TypeError, "a number of frames, or a shape"),
+        ((7, 3, 2), ValueError, r"expected whole frames, such as \(100, -1, -1\)"),
+        ((7, -1), ValueError, "expected whole frames"),
+    ],
+)
+def test_chunks_without_whole_frames_are_refused(capture, chunks, error, message):
+    with pytest.raises(error, match=message):
+        jl.open(capture).to_dask(chunks)
+
+
+def test_without_dask_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask.array", None)
+    with pytest.raises(jl.MissingExtraError, match=r"pip install 'jotlight\[dask\]'"):
+        lazy.import_dask_array()
+
+
+@pytest.mark.slow
+def test_dask_is_imported_only_if_it_is_requested():
+    code = (
+        "import sys, jotlight, jotlight.cli.app\n"
+        "names = {'dask', 'distributed', 'zarr', 'fsspec'} & set(sys.modules)\n"
+        "assert not names, names"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
