@@ -214,8 +214,6 @@ def test_options_of_other_methods_are_refused_by_the_iterative_ones(
         (["box.npy", "-m", "mle-iterative", "--max-iter", -2], "expected at least 1, got -2"),
         (["box.npy", "-m", "admm-tv", "--threads", 0], "threads: expected"),
         (["box.npy", "-m", "admm"], "did you mean admm-tv?"),
-        (["box.npy", "-m", "admm-tv", "--kernel", "cubic"], "kernel: expected 'box'"),
-        (["cubic.npy", "-m", "mle-iterative", "--kernel", "box"], "kernel: expected 'cubic'"),
         (["counts.npy", "-m", "admm-tv"], "--frames"),
     ],
 )

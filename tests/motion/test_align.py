@@ -274,7 +274,7 @@ def test_frames_may_be_read_from_files():
         read.append(stop - start)
         return packed[start:stop]
 
-    frames = jl.sensing.frames.Frames(packed.shape, read_frames)
+    frames = jl.sensing.bits.frames.Frames(packed.shape, read_frames)
     assert_same(jl.align(jl.Bits(frames, bits.width, scene.sensor)), found)
     assert read
 

@@ -229,8 +229,10 @@ def _of_gray_images(
     if estimate is None:
         estimate = reconstruct(images, sensor, **request.arguments())
     values = np.ascontiguousarray(images.layout.split(np.asarray(estimate, np.float32)))
-    choice = request.choose(sensor, takes_colors=takes_channels(images))
-    if choice.method == COLOR_NETWORK:
+    takes_colors = takes_channels(images)
+    if request.is_default and (
+        request.choose(sensor, takes_colors=takes_colors).method == COLOR_NETWORK
+    ):
         return find_channel_intervals(
             images, values, sensor, confidence_level=confidence_level, threads=threads
         )

@@ -84,7 +84,9 @@ def test_data_sensor_and_start_that_do_not_fit_are_refused(
 
 @pytest.mark.parametrize("method", [jl.mle_iterative, jl.admm_tv, jl.mle, jl.noniterative])
 @pytest.mark.parametrize(("own", "stated"), [("cubic", "box"), ("box", "cubic")])
-@pytest.mark.filterwarnings("ignore:the light of a cubic kernel")  # some methods do not model it
+@pytest.mark.filterwarnings(
+    "ignore:a cubic kernel spreads the light"
+)  # some methods do not model it
 def test_callers_may_state_another_kernel_than_the_bits(method, own, stated):
     bits = SMOOTH.replace(kernel=own).expose(scene(8, 8), rng=0)
     sensor = SMOOTH.replace(kernel=stated)

@@ -167,7 +167,7 @@ fn equivalent_counts_of_blind_jots_are_those_of_their_estimates() -> Result<()> 
         &counts,
         trials,
         &same(blind),
-        4.0,
+        &[4.0],
         IDEAL,
         &mut equivalent,
     )?;

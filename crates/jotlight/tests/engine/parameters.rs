@@ -12,7 +12,7 @@ use jotlight::multibit::{Cells, Response, Sample};
 use jotlight::network::{Network, SensorModel, Served, local_trials};
 use jotlight::tv::{self, Norm};
 use jotlight::values::Values;
-use ndarray::{Array2, Array3, Array4, array};
+use ndarray::{Array3, Array4, array};
 
 use crate::model::{identity, sensor};
 
@@ -288,7 +288,7 @@ fn impossible_parameters_of_iterations_are_errors() -> Result<()> {
             penalty: 1.0,
             relaxation: 1.5,
         };
-        readings.admm_update(&step, 1.0, &[0.1, light], &mut [0.1; 2], &mut [0.0, dual])
+        readings.admm_update(&[step], 1.0, &[0.1, light], &mut [0.1; 2], &mut [0.0, dual])
     };
     assert_nan_is_refused("light", |light| update(light, 0.0));
     assert_nan_is_refused("dual", |dual| update(0.1, dual));
