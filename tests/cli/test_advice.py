@@ -10,9 +10,7 @@ import jotlight as jl
 from jotlight.networks.network import Network
 from moving import in_memory
 
-pytestmark = pytest.mark.filterwarnings(
-    "ignore:.*no valid bit", "ignore:the light of a cubic kernel"
-)
+pytestmark = pytest.mark.filterwarnings("ignore:.*no valid bit", "ignore:a cubic kernel spreads")
 
 PHOTO = jl.datasets.photograph("camera")[100:356, 128:384]
 QUICK = ("--steps", 1, "--batch", 8)

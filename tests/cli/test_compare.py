@@ -78,7 +78,7 @@ def test_a_method_that_ignores_a_smooth_kernel_warns(photo, tmp_path):
         [sys.executable, "-m", "jotlight", *arguments], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 0
-    assert "warning: the light of a cubic kernel" in done.stderr
+    assert "warning: a cubic kernel spreads" in done.stderr
 
 
 @pytest.mark.slow
@@ -90,7 +90,7 @@ def test_a_warning_of_several_methods_is_printed_once(photo, tmp_path):
         capture_output=True,
         text=True,
     )
-    assert done.stderr.count("warning: the light of a linear kernel") == 1
+    assert done.stderr.count("warning: a linear kernel spreads") == 1
 
 
 @pytest.fixture

@@ -125,7 +125,7 @@ def test_compare_shows_the_trained_network_where_there_is_one(run, photo_folder)
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the light of a cubic kernel")
+@pytest.mark.filterwarnings("ignore:a cubic kernel spreads")
 def test_compare_shows_the_trained_networks_for_every_sensor(run, photo_folder):
     for options in (["-t", 3], ["-t", 3, "--kernel", "cubic"]):
         status, output = run("compare", photo_folder / "0.png", "-k", 2, *options)

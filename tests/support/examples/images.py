@@ -66,7 +66,7 @@ def _poses(path):
 
 IMAGES = {
     "poses": Reader("a.csv", read_poses, (_poses,)),
-    "image": Reader("a.jpg", read_image, _with_pillow("JPEG", "PPM", "BMP", "WEBP", "GIF", "TGA")),
+    "image": Reader("a.jpg", read_image, _with_pillow("JPEG", "PPM", "BMP", "WEBP", "GIF")),
     "image-png": Reader(
         "a.png",
         functools.partial(read_image, gray=True),
