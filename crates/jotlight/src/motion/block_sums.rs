@@ -5,8 +5,6 @@ use rayon::prelude::*;
 
 use crate::bits::{contiguous, packed_width};
 use crate::cpu::levels;
-#[cfg(doc)]
-use crate::error::Error;
 use crate::error::{Error, Result, check_shape};
 
 /// The number of rows that one task adds.
