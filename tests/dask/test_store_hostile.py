@@ -55,6 +55,36 @@ def test_links_of_an_unfinished_folder_lead_to_no_folder_outside_of_it(tmp_path,
     assert {path.name: path.read_bytes() for path in outside.iterdir()} == before
 
 
+@pytest.mark.parametrize("name", ["groups", "video.zarr"])
+@pytest.mark.parametrize("is_link", [False, True])
+def test_folders_of_an_unfinished_video_are_no_links_and_are_not_missing(tmp_path, name, is_link):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    real = (store.part / name).rename(store.part / "real")
+    if is_link:
+        (store.part / name).symlink_to("real")
+    for step in (store.create, store.finish):
+        with pytest.raises(ValueError, match=f"expected a folder {name} .*delete it to make"):
+            step()
+    assert len(list(real.iterdir())) > 2
+    assert not store.path.exists()
+
+
+def test_a_marker_that_is_no_file_makes_its_group_again(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    for number, make in ((0, lambda path: path.mkdir()), (1, lambda path: path.symlink_to("no"))):
+        marker = store.part / f"groups/{number}.json"
+        marker.unlink()
+        make(marker)
+    with pytest.raises(ValueError, match="2 of its 3 groups of images were damaged"):
+        store.finish()
+    assert store.missing() == [0, 1]
+    fill(store)
+    store.finish()
+    assert store.is_complete()
+
+
 @pytest.mark.parametrize("group", [1, 2**31])
 def test_a_stated_number_of_images_without_files_takes_no_time_and_no_memory(tmp_path, group):
     part = tmp_path / "v.zarr.part"

@@ -23,7 +23,12 @@ import jotlight
 from printed_comments import agrees, run_block, stated_prints
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+# Other folders of docs are made, and perhaps removed, by a build of the website.
+PAGES = [ROOT / "README.md"] + [
+    page
+    for folder in (".", "decisions", "guide", "results", "theory")
+    for page in sorted((ROOT / "docs" / folder).glob("*.md"))
+]
 SITE = "https://jotlight.github.io/jotlight/"
 SOURCE = "https://github.com/jotlight/jotlight"
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))

@@ -59,13 +59,17 @@ class Markers:
         path = self._path(group)
         try:
             facts = read_json(path)
-        except ValueError:
+        except (ValueError, FileNotFoundError, IsADirectoryError):
             return None
         return facts if _are_facts(facts) else None
 
     def delete(self, group: int) -> None:
         """Delete a marker, whose group is not complete."""
-        self._path(group).unlink(missing_ok=True)
+        path = self._path(group)
+        if path.is_dir():
+            path.rmdir()  # jotlight makes no such folder; one with content is an error
+        else:
+            path.unlink(missing_ok=True)
 
     def _path(self, group: int) -> Path:
         return check_inside(self.part / "groups" / f"{group}.json", self.part)

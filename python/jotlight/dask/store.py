@@ -152,7 +152,10 @@ class VideoStore:
         OSError
             When it cannot be written.
         """
-        if self.is_complete() or self.part.exists():
+        if self.is_complete():
+            return
+        if self.part.exists():
+            self._check_folders()
             return
         create_parent(self.path)
         with contextlib.ExitStack() as stack:
@@ -204,6 +207,21 @@ class VideoStore:
         """Return the unfinished array. Its folder may come from a stranger."""
         return check_inside(self.part / "video.zarr", self.part)
 
+    def _check_folders(self) -> None:
+        """Raise ValueError unless the unfinished video has its folders, which are no links.
+
+        A link would get the final name of the array, and its target would be deleted.
+        """
+        for folder in (self.part / "groups", self.part / "video.zarr"):
+            check_inside(folder, self.part)
+            if folder.is_dir() and not folder.is_symlink():
+                continue
+            if not self.is_complete():  # otherwise, another process has just completed it
+                raise ValueError(
+                    f"{self.part}: expected a folder {folder.name} in it, which is no link; "
+                    "delete it to make the video again"
+                )
+
     def _files(self, array: Path) -> ImageFiles:
         return ImageFiles(array, self.shape, self.dtype)
 
@@ -241,6 +259,7 @@ class VideoStore:
         if self.is_complete():
             shutil.rmtree(self.part, ignore_errors=True)
             return
+        self._check_folders()
         if missing := self.groups - len(self.markers.done()):
             raise ValueError(
                 f"{self.part}: {missing} of its {self.groups} groups of images are missing"

@@ -336,5 +336,7 @@ def check_precision_of(
         return
     check_precision(precision)
     if precision != F32 and (fallback or not (quality or method in TITLES)):
-        what = "a network with fallback" if fallback else method
-        raise ValueError(f"precision: expected {F32} for {what}, got {precision}; {DEEP}")
+        what, advice = method, DEEP
+        if fallback:
+            what, advice = "a network with fallback", "leave out one of the two"
+        raise ValueError(f"precision: expected {F32} for {what}, got {precision}; {advice}")
