@@ -107,10 +107,10 @@ class VideoStore:
 
     def check_files(self) -> None:
         """Raise ValueError unless each image of the finished array has a file of its size."""
-        number, found = self.shape[0], self._files(self.path).find()
-        if len(found) < number:
-            example = next(index for index in range(number) if index not in found)
-            self._refuse_images(number - len(found), example, "are missing or incomplete")
+        found = self._files(self.path).find()
+        if missing := self.shape[0] - len(found):
+            example = next(index for index in range(self.shape[0]) if index not in found)
+            self._refuse_images(missing, example, "are missing or incomplete")
 
     def check_images(self, progress: Callable[[float], object] = lambda fraction: None) -> None:
         """Raise ValueError unless each image of the finished array matches its checksum.
@@ -208,15 +208,12 @@ class VideoStore:
         return check_inside(self.part / "video.zarr", self.part)
 
     def _check_folders(self) -> None:
-        """Raise ValueError unless the unfinished video has its folders, which are no links.
-
-        A link would get the final name of the array, and its target would be deleted.
-        """
+        """Raise ValueError unless the folders of the unfinished video exist, and are no links."""
+        # A link would get the final name of the array, and its target would be deleted.
         for folder in (self.part / "groups", self.part / "video.zarr"):
             check_inside(folder, self.part)
-            if folder.is_dir() and not folder.is_symlink():
-                continue
-            if not self.is_complete():  # otherwise, another process has just completed it
+            is_usable = folder.is_dir() and not folder.is_symlink()
+            if not (is_usable or self.is_complete()):  # another process may have completed it
                 raise ValueError(
                     f"{self.part}: expected a folder {folder.name} in it, which is no link; "
                     "delete it to make the video again"
@@ -233,8 +230,7 @@ class VideoStore:
 
     def images_of(self, group: int) -> range:
         """Return the numbers of the images of a group."""
-        first = group * self.group
-        return range(first, min(first + self.group, self.shape[0]))
+        return range(self.shape[0])[group * self.group : (group + 1) * self.group]
 
     def mark(self, group: int, facts: Record) -> None:
         """Note that a group is complete. `facts` are its checksum, size, minimum, and maximum.
