@@ -16,10 +16,7 @@ from jotlight.checks import (
     to_array,
     type_of,
 )
-from jotlight.estimators.photon_counters.merge_detections import (
-    merge_at_maximum,
-    merge_near_neighbors,
-)
+from jotlight.estimators.photon_counters import merge_detections
 from jotlight.estimators.photon_counters.renewal import Renewal
 from jotlight.estimators.readings.reference_sensors import MAX_RATE
 from jotlight.interrupts import interruptible
