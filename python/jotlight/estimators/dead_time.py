@@ -16,7 +16,7 @@ from jotlight.checks import (
     to_array,
     type_of,
 )
-from jotlight.estimators.photon_counters import merge_detections
+from jotlight.estimators.photon_counters.merge_detections import MERGE
 from jotlight.estimators.photon_counters.renewal import Renewal
 from jotlight.estimators.readings.reference_sensors import MAX_RATE
 from jotlight.interrupts import interruptible
@@ -321,7 +321,7 @@ class FreeRunning:
         )
         sensor.check_map_shapes(*image.shape)
         detections = self._checked(image if sensor.mask is None else image * ~sensor.mask)
-        merge = merge_near_neighbors if near_neighbors else merge_at_maximum
+        merge = MERGE[near_neighbors]
         ones, trials, flags = merge(self, detections, light, sensor)
         share = 1 / frames
         return Merged(ones, trials, sensor, flags=flags, light_share=share, valid_up_to=largest)

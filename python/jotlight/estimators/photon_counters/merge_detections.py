@@ -186,3 +186,7 @@ def _scores(
     pairs, of_pixels = np.unique(counts * lights.size + places, return_inverse=True)
     each, place = np.divmod(pairs, lights.size)
     return np.asarray(pixel.score(each, lights[place])[of_pixels].reshape(counts.shape))
+
+
+MERGE = {True: merge_near_neighbors, False: merge_at_maximum}
+"""The functions that merge detections, by whether their trials are those near neighbors."""
