@@ -313,7 +313,7 @@ def test_the_velocities_of_all_segments_are_tried_once(monkeypatch):
     ("seed", "frames", "brightest"),
     [
         (1, 2048, 0.3),
-        (1, 8192, 0.2),
+        pytest.param(1, 8192, 0.2, marks=pytest.mark.exhaustive),
         pytest.param(2, 8192, 0.1, marks=pytest.mark.exhaustive),
     ],
 )

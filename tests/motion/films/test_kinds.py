@@ -31,7 +31,7 @@ def quality(data, truth):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.exhaustive), True])
 def test_images_are_as_good_as_with_a_fresh_alignment(causal):
     gains = []
     for rng in (0, 3, 4):

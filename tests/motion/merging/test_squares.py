@@ -102,7 +102,7 @@ def test_an_affine_motion_is_enlarged_exactly(side):
     "mosaic",
     [
         pytest.param("RGGB", id="RGGB"),
-        pytest.param("RRGG/RRGG/GGBB/GGBB", id="quad"),
+        pytest.param("RRGG/RRGG/GGBB/GGBB", id="quad", marks=pytest.mark.exhaustive),
         pytest.param(RANDOM, id="random"),
     ],
 )
