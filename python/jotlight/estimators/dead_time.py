@@ -16,7 +16,7 @@ from jotlight.checks import (
     to_array,
     type_of,
 )
-from jotlight.estimators.photon_counters.merge_detections import MERGE
+from jotlight.estimators.photon_counters.merge_detections import merge_detections
 from jotlight.estimators.photon_counters.renewal import Renewal
 from jotlight.estimators.readings.reference_sensors import MAX_RATE
 from jotlight.interrupts import interruptible
@@ -321,8 +321,8 @@ class FreeRunning:
         )
         sensor.check_map_shapes(*image.shape)
         detections = self._checked(image if sensor.mask is None else image * ~sensor.mask)
-        merge = MERGE[near_neighbors]
-        ones, trials, flags = merge(self, detections, light, sensor)
+        found = merge_detections(self, detections, light, sensor, near_neighbors=near_neighbors)
+        ones, trials, flags = found
         share = 1 / frames
         return Merged(ones, trials, sensor, flags=flags, light_share=share, valid_up_to=largest)
 

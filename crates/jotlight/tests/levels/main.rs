@@ -18,6 +18,7 @@ use std::thread;
 
 use jotlight::cpu::Level;
 use jotlight::error::Result;
+use ndarray::Array4;
 
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
@@ -77,4 +78,19 @@ fn a_test_that_fails_leaves_the_level_of_the_processor() {
     assert!(ended.join().is_err());
     let _choice = Choice::wait();
     assert_eq!(Some(Level::current()), fastest);
+}
+
+/// Return fields of displacements of two blocks of images that are not of 20 × 30 pixels: the
+/// fields, the side of their tiles, and the size of the images.
+fn fields_of_other_sizes() -> impl Iterator<Item = (Array4<f32>, Option<usize>, [usize; 2])> {
+    [
+        ((2, 2), Some(16), [20, 31]),
+        ((2, 2), Some(16), [19, 30]),
+        ((3, 4), Some(16), [40, 60]),
+        ((1, 1), Some(16), [10, 15]),
+        ((20, 29), None, [20, 29]),
+        ((0, 0), Some(16), [0, 0]),
+    ]
+    .into_iter()
+    .map(|(nodes, tile, size)| (Array4::zeros((2, 2, nodes.0, nodes.1)), tile, size))
 }

@@ -3,10 +3,10 @@
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::error::{Error, Result};
 use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, count_shifted};
-use ndarray::{Array2, Array3, Array4, ArrayView2, Axis, stack};
+use ndarray::{Array2, Array3, ArrayView2, Axis, stack};
 
-use crate::on_every_level;
 use crate::random::Random;
+use crate::{fields_of_other_sizes, on_every_level};
 
 /// The sums along a motion.
 struct Sums {
@@ -205,15 +205,7 @@ fn empty_bursts_and_images_change_nothing() -> Result<()> {
 fn displacements_of_images_of_another_size_are_errors() -> Result<()> {
     let bytes = Array3::zeros((2, 20, packed_width(30)));
     let bits = PackedBits::new(bytes.view(), 30)?;
-    for (tile, rows, columns, nodes) in [
-        (Some(16), 20, 31, (2, 2)),
-        (Some(16), 19, 30, (2, 2)),
-        (Some(16), 40, 60, (3, 4)),
-        (Some(16), 10, 15, (1, 1)),
-        (None, 20, 29, (20, 29)),
-        (Some(16), 0, 0, (0, 0)),
-    ] {
-        let fields = Array4::zeros((2, 2, nodes.0, nodes.1));
+    for (fields, tile, [rows, columns]) in fields_of_other_sizes() {
         let motion = Displacements::new(fields.view(), tile, rows, columns)?;
         let mut sums = Sums::new(20, 30);
         let counts = ShiftedCounts {

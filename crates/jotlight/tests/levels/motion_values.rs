@@ -5,8 +5,8 @@ use jotlight::error::{Error, Result};
 use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_values, count_shifted};
 use ndarray::{Array2, Array3, Array4};
 
-use crate::on_every_level;
 use crate::random::Random;
+use crate::{fields_of_other_sizes, on_every_level};
 
 /// Two maps of zeros and ones, and the bits of frames that are equal to the first one.
 fn equal_bits(random: &mut Random, (frames, rows, columns): (usize, usize, usize)) -> Case {
@@ -84,15 +84,7 @@ fn wrong_arguments_are_refused() -> Result<()> {
         let found = add_shifted_values(values.view(), &motion, &[time], sums.view_mut());
         assert!(found.is_err());
     }
-    for (tile, rows, columns, nodes) in [
-        (Some(16), 20, 31, (2, 2)),
-        (Some(16), 19, 30, (2, 2)),
-        (Some(16), 40, 60, (3, 4)),
-        (Some(16), 10, 15, (1, 1)),
-        (None, 20, 29, (20, 29)),
-        (Some(16), 0, 0, (0, 0)),
-    ] {
-        let fields = Array4::zeros((2, 2, nodes.0, nodes.1));
+    for (fields, tile, [rows, columns]) in fields_of_other_sizes() {
         let other = Displacements::new(fields.view(), tile, rows, columns)?;
         let found = add_shifted_values(values.view(), &other, &[0.0], sums.view_mut());
         assert!(matches!(found, Err(Error::Shape { .. })));

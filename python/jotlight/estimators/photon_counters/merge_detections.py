@@ -56,6 +56,23 @@ class Detector(Protocol):
 Mask = npt.NDArray[np.bool_]
 
 
+def merge_detections(
+    pixel: Detector,
+    counts: npt.NDArray[np.integer],
+    light: float,
+    sensor: Sensor,
+    *,
+    near_neighbors: bool,
+) -> tuple[npt.NDArray[np.int32], Array, Mask | None]:
+    """Return the ones, the trials, and perhaps the marked pixels of detections, (H, W).
+
+    The trials are those near averages over the neighbors, or at the maximum of each pixel. The
+    other parameters are those of :func:`merge_near_neighbors`.
+    """
+    merge = merge_near_neighbors if near_neighbors else merge_at_maximum
+    return merge(pixel, counts, light, sensor)
+
+
 def merge_at_maximum(
     pixel: Detector, counts: npt.NDArray[np.integer], light: float, sensor: Sensor
 ) -> tuple[npt.NDArray[np.int32], Array, None]:
@@ -186,7 +203,3 @@ def _scores(
     pairs, of_pixels = np.unique(counts * lights.size + places, return_inverse=True)
     each, place = np.divmod(pairs, lights.size)
     return np.asarray(pixel.score(each, lights[place])[of_pixels].reshape(counts.shape))
-
-
-MERGE = {True: merge_near_neighbors, False: merge_at_maximum}
-"""The functions that merge detections, by whether their trials are those near neighbors."""
