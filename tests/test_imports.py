@@ -45,22 +45,30 @@ def test_the_longest_chain_of_units_is_short(imports):
 
 
 @pytest.mark.parametrize(
-    ("folder", "lower"),
+    ("package", "order"),
     [
-        ("parameters", set()),
-        ("bits", {"parameters"}),
-        ("drawing", {"parameters", "bits"}),
-        ("data", {"parameters", "bits", "sensor", "merged"}),
-        ("likelihood", {"parameters", "bits", "sensor", "merged", "data"}),
+        (
+            "networks",
+            "layer splines conditioning graph layer_checks architectures precision inference "
+            "planes files network color_network color",
+        ),
+        ("sensing", "parameters bits drawing sensor merged data likelihood"),
     ],
 )
-def test_folders_of_the_sensor_import_only_what_lies_below_them(imports, folder, lower):
-    prefix = "jotlight.sensing."
-    graph = imports.module_graph().items()
-    inside = [targets for module, targets in graph if module.startswith(f"{prefix}{folder}.")]
-    assert len(inside) > 3
-    targets = {name.removeprefix(prefix) for name in set().union(*inside) if prefix in name}
-    assert {name.split(".")[0] for name in targets} <= lower | {folder}
+def test_inner_folders_import_only_what_stands_before_them(imports, package, order):
+    prefix = f"jotlight.{package}."
+    graph = imports.module_graph()
+    found = {
+        name.split(".")[2] for name in graph if name.startswith(prefix) and name.count(".") > 2
+    }
+    lower = set()
+    for inner in order.split():
+        if inner in found:
+            inside = [graph[name] for name in graph if name.startswith(f"{prefix}{inner}.")]
+            targets = {name for name in set().union(*inside) if name.startswith(prefix)}
+            assert {name.split(".")[2] for name in targets} <= lower | {inner}
+        lower.add(inner)
+    assert found <= lower
 
 
 def test_no_module_imports_the_package_itself(imports):

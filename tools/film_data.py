@@ -21,7 +21,7 @@ import training_data
 
 import jotlight as jl
 from jotlight.motion.films.film import film
-from jotlight.networks.film_planes import NEIGHBORS
+from jotlight.networks.planes.film_planes import NEIGHBORS
 
 Image = npt.NDArray[np.float32]
 

@@ -34,8 +34,8 @@ from skimage.restoration import denoise_tv_chambolle
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.networks.finer_grid import Squares, average_squares, enlarge, fit_light
-from jotlight.networks.trials_map import denoise_map
+from jotlight.networks.inference.finer_grid import Squares, average_squares, enlarge, fit_light
+from jotlight.networks.inference.trials_map import denoise_map
 
 Image = npt.NDArray[Any]
 
@@ -227,7 +227,7 @@ def best_total_variation(network: jl.Network, fine: jl.Merged, truth: Image) -> 
 
 def bicubic_of_counts(network: jl.Network, fine: jl.Merged) -> Image:
     """Return the enlarged image from which the iterations start."""
-    from jotlight.networks.finer_grid import coarse_counts
+    from jotlight.networks.inference.finer_grid import coarse_counts
 
     return enlarge(network.reconstruct(coarse_counts(fine)))
 

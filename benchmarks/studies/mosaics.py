@@ -26,9 +26,10 @@ import numpy.typing as npt
 import jotlight as jl
 from jotlight.estimators import demosaicing
 from jotlight.estimators.inverse_response import intensity_from_probability
-from jotlight.networks import mosaic_planes, pretrained
-from jotlight.networks.color_inference import planes_of_channels, planes_of_mosaic
-from jotlight.networks.color_planes import CENTER, START
+from jotlight.networks import pretrained
+from jotlight.networks.color import mosaic_planes
+from jotlight.networks.color.color_inference import planes_of_channels, planes_of_mosaic
+from jotlight.networks.planes.color_planes import CENTER, START
 from jotlight.sensing.data.pixel_counts import count_pixels
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.parameters.reading_groups import without_mosaic

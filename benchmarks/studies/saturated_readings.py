@@ -14,7 +14,7 @@ it is that of gray light.
 import numpy as np
 
 import jotlight as jl
-from jotlight.networks.mosaic_planes import plane_sensors
+from jotlight.networks.color.mosaic_planes import plane_sensors
 from jotlight.sensing.likelihood.reference import reading_information
 from jotlight.sensing.parameters.mosaic import Mosaic
 

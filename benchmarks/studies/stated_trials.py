@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.networks.trials_map import denoise_fractions
+from jotlight.networks.inference.trials_map import denoise_fractions
 
 EXPOSURES = (17, 0.25), (34, 0.25), (64, 1.0), (180, 0.2)
 """Trials, and photons per jot and frame at intensity 1."""

@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.evaluation.methods import METHODS
-from jotlight.networks.engine_backed import EngineBacked
+from jotlight.networks.inference.engine_backed import EngineBacked
 from jotlight.sensing.data.pixel_counts import GrayImages
 from reference.iterative import scene
 

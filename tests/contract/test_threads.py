@@ -12,8 +12,8 @@ from jotlight.estimators.trial_levels import count_local_trials, local_trials
 from jotlight.estimators.vst import anscombe
 from jotlight.motion.films.film import film
 from jotlight.motion.outlines.depth import Gain
+from jotlight.networks.inference.trials_map import denoise_map
 from jotlight.networks.pretrained import pretrained_conditional
-from jotlight.networks.trials_map import denoise_map
 from jotlight.sensing.data.pixel_counts import PixelCounts
 
 SENSOR = jl.Sensor(frames=32)

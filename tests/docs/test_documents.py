@@ -51,8 +51,8 @@ NEEDS = {
     "jotlight.torch.deepinv": "deepinv",
     "jotlight.view.app": "starlette",
     "jotlight.view.serving": "uvicorn",
-    "jotlight.networks.onnx_export": "onnx",
-    "jotlight.networks.onnx_graph": "onnx",
+    "jotlight.networks.files.onnx_export": "onnx",
+    "jotlight.networks.files.onnx_graph": "onnx",
 }
 
 

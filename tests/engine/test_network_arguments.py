@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.networks.engine_backed import sensor_model
+from jotlight.networks.inference.engine_backed import sensor_model
 
 SENSOR = jl.Sensor(frames=16)
 NETWORK = jl.pretrained(SENSOR, "small").engine_network

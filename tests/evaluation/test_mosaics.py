@@ -11,7 +11,7 @@ from jotlight.datasets import photograph
 from jotlight.estimators.demosaicing import demosaic
 from jotlight.evaluation.mosaics import count_image
 from jotlight.formats.checksums import file_checksum
-from jotlight.networks.mosaic_planes import value_weights
+from jotlight.networks.color.mosaic_planes import value_weights
 from jotlight.networks.pretrained import MOSAIC_FILE
 from jotlight.sensing.data.pixel_counts import count_pixels
 from jotlight.sensing.parameters.mosaic import Mosaic

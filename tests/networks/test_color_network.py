@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.color_planes import Filtered, color_planes
+from jotlight.networks.planes.color_planes import Filtered, color_planes
 from jotlight.networks.pretrained import MOSAIC_FILE
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.networks.files.network_files import count_planes
 from jotlight.networks.film_network import FilmNetwork
-from jotlight.networks.film_planes import Counts, film_planes
-from jotlight.networks.network_files import count_planes
+from jotlight.networks.planes.film_planes import Counts, film_planes
 from jotlight.networks.pretrained import FILM_FILE, MOSAIC_FILE, pretrained_film
 
 

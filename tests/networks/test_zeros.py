@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.networks.trials_map import denoise_fractions
+from jotlight.networks.inference.trials_map import denoise_fractions
 from reference.trials_map import denoise_map
 
 NETWORK = jl.pretrained(jl.Sensor(frames=16))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jotlight.networks.film_planes import PLANES
+from jotlight.networks.planes.film_planes import PLANES
 from jotlight.training.film_patches import FilmExample, FilmPatches
 
 

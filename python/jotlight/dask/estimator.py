@@ -16,7 +16,7 @@ from jotlight.evaluation.request import Request
 from jotlight.evaluation.run_choice import run_choice
 from jotlight.evaluation.weights import weights_sha256
 from jotlight.layout import Layout
-from jotlight.networks.mosaic_planes import plane_sensors
+from jotlight.networks.color.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, pretrained_conditional
 from jotlight.sensing.data.alike_frames import find_cycle

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.readings.merge_near import Merging
-from jotlight.networks.color_inference import estimate_channels
+from jotlight.networks.color.color_inference import estimate_channels
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.pretrained import (
     CHANNELS_FILE,

@@ -32,8 +32,8 @@ from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.kept import kept_property
 from jotlight.layout import Layout
-from jotlight.networks.color_inference import estimate_mosaic
-from jotlight.networks.mosaic_planes import find_unseen
+from jotlight.networks.color.color_inference import estimate_mosaic
+from jotlight.networks.color.mosaic_planes import find_unseen
 from jotlight.networks.pretrained import (
     COLOR_START,
     MOSAIC_FILE,

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.dim_scenes import trials_per_combined
+from jotlight.networks.inference.dim_scenes import trials_per_combined
 from jotlight.sensing.bits.subsampling import subsample_counts
 from jotlight.sensing.parameters.binomial import arcsin_root, squared_sine
 from jotlight.sensing.parameters.response import Array
@@ -167,8 +167,8 @@ def combine_dim(z: Array, trials: Array) -> tuple[Array, Array, float]:
     """Return z and the trials of an image with c trials combined into one, and c.
 
     A K-conditioned network combines the trials of a dim scene
-    (:mod:`jotlight.networks.dim_scenes`). Its errors are those of a scene with K/c trials and
-    probabilities c p. For other scenes, c is 1. The errors of z are multiplied by √c.
+    (:mod:`jotlight.networks.inference.dim_scenes`). Its errors are those of a scene with K/c trials
+    and probabilities c p. For other scenes, c is 1. The errors of z are multiplied by √c.
 
     Examples
     --------

@@ -19,8 +19,8 @@ from jotlight.evaluation.held_out import (
     used_weights,
     weights_of_image,
 )
-from jotlight.networks.color_inference import estimate_mosaic
-from jotlight.networks.mosaic_planes import estimate_values
+from jotlight.networks.color.color_inference import estimate_mosaic
+from jotlight.networks.color.mosaic_planes import estimate_values
 from jotlight.networks.pretrained import (
     COLOR_START,
     DEFAULT_SIZE,

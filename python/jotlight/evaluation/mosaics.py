@@ -18,9 +18,9 @@ from jotlight.evaluation.color_images import count_image
 from jotlight.evaluation.info import Info, join_infos
 from jotlight.evaluation.mosaic_blend import blend_mosaic
 from jotlight.layout import Layout
-from jotlight.networks.color_inference import estimate_mosaic
+from jotlight.networks.color.color_inference import estimate_mosaic
+from jotlight.networks.color.mosaic_planes import estimate_values
 from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.mosaic_planes import estimate_values
 from jotlight.networks.pretrained import (
     COLOR_START,
     MOSAIC_FILE,

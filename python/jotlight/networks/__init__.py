@@ -3,24 +3,22 @@
 The engine evaluates networks: it computes the parameters for a K, runs the layers on bits or counts
 with any numbers of trials, averages over rotations, and returns intensities.
 
-In reading order: `layer` (one layer), `graph` (how layers are connected), `splines` and
-`conditioning` (the B-spline basis, and parameters that depend on K), `architectures` (networks at
-their initial parameters), `network` (the class that users meet), `engine_backed` (its counterpart
-in the engine), `layer_checks` (that its layers fit), `served_sensors` (whose data it serves),
-`inference` (how the engine gets the data), `conditional_inference` and `trials_map` (smooth kernels
-and maps of trials), `dim_scenes` (several trials as one), `dark_regions` (their mean),
-`coarse_scales` (squares of pixels), `finer_grid` (the same on a grid of half pixels),
-`network_files` (its file format), `onnx_export` (a network as an ONNX model), and `pretrained` (the
-trained networks in `weights/`, each with a model card).
+In reading order:
 
-Color: `color_network` (a network that improves classical colors),
-`color_starts` (the classical colors) with `mosaic_planes`, `color_planes` (what the network reads),
-and `color_inference` (how it computes colors).
+- ``layer``: one layer. ``splines``, ``conditioning``: the B-spline basis, and parameters that
+  depend on K. ``graph``: how layers are connected. ``layer_checks``: that they fit each other.
+- ``architectures``: networks at their initial parameters.
+- ``network``: the class that users meet. ``description``, ``figure``: networks as texts and
+  drawings. ``torch_hints``: errors for attributes that only PyTorch's modules have.
+- ``color_network``: a network that improves classical colors. ``film_network``: one that also reads
+  the last image. ``planes_network``: the class of both.
+- ``precision``: in which networks multiply. ``loading``: a network of any kind from a file.
+  ``pretrained``: the trained networks in ``weights/``, each with a model card.
 
-Smaller parts: `precision` (in which networks multiply), `loading` (a network of any kind from a
-file), `onnx_graph` (for `onnx_export`), `description` and `figure` (networks as texts and
-drawings), and `torch_hints` (errors for attributes that only PyTorch's modules have).
+Its folders, each of which imports only those before it:
 
-Films: `film_network` (a network that also reads the last image) and `film_planes` (what it reads).
-`planes_network` and `planes_layers` are the class and the layers of both.
+- ``inference``: how the engine computes an image.
+- ``planes``: what color networks and film networks read.
+- ``files``: networks in files.
+- ``color``: how a color network computes colors. It imports the modules above, too.
 """

@@ -1,7 +1,7 @@
 """A network that improves classical colors with the bits of all filters or channels."""
 
-from jotlight.networks.color_planes import PLANES, START
 from jotlight.networks.network import Network
+from jotlight.networks.planes.color_planes import PLANES, START
 from jotlight.networks.planes_network import PlanesNetwork
 
 
@@ -13,8 +13,8 @@ class ColorNetwork(PlanesNetwork):
     Parameters
     ----------
     layers : sequence of Layer
-        The first layer has the planes of :mod:`jotlight.networks.color_planes`, and the last one
-        three channels: P(b = 1) of red, green, and blue.
+        The first layer has the planes of :mod:`jotlight.networks.planes.color_planes`, and the last
+        one three channels: P(b = 1) of red, green, and blue.
     history : mapping, optional
         How the network was made, in values that JSON can hold.
     trials_range : (int, int)

@@ -1,8 +1,8 @@
 """Networks as text and as HTML."""
 
 from jotlight.errors import counted
-from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.figure import figure_of_layers
+from jotlight.networks.inference.engine_backed import EngineBacked
 from jotlight.notebook import card
 
 

@@ -1,6 +1,6 @@
 """A network for the images of films, which also reads the last image."""
 
-from jotlight.networks.film_planes import PLANES, START
+from jotlight.networks.planes.film_planes import PLANES, START
 from jotlight.networks.planes_network import PlanesNetwork
 
 
@@ -14,8 +14,8 @@ class FilmNetwork(PlanesNetwork):
     Parameters
     ----------
     layers : sequence of Layer
-        The first layer has the planes of :mod:`jotlight.networks.film_planes`, and the last one a
-        channel: P(b = 1).
+        The first layer has the planes of :mod:`jotlight.networks.planes.film_planes`, and the last
+        one a channel: P(b = 1).
     history : mapping, optional
         How the network was made, in values that JSON can hold.
     trials_range : (int, int)

@@ -4,9 +4,9 @@ import os
 from typing import Any, get_args
 
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
+from jotlight.networks.files.network_files import count_planes
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
-from jotlight.networks.network_files import count_planes
 from jotlight.networks.planes_network import PlanesNetwork
 
 

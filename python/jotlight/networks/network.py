@@ -16,16 +16,16 @@ from jotlight.networks.architectures import (
     build_two_layer,
     find_architecture,
 )
-from jotlight.networks.conditional_inference import estimate_intensity
 from jotlight.networks.description import html_of, repr_of
-from jotlight.networks.engine_backed import GrayNetwork
 from jotlight.networks.figure import figure_of_layers
-from jotlight.networks.inference import Image, Inference
+from jotlight.networks.files.network_files import read_network, write_network
+from jotlight.networks.files.onnx_export import write_onnx
+from jotlight.networks.inference.conditional_inference import estimate_intensity
+from jotlight.networks.inference.engine_backed import GrayNetwork
+from jotlight.networks.inference.inference import Image, Inference
+from jotlight.networks.inference.served_sensors import check_served
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers, check_rotations, require_layers
-from jotlight.networks.network_files import read_network, write_network
-from jotlight.networks.onnx_export import write_onnx
-from jotlight.networks.served_sensors import check_served
 from jotlight.networks.torch_hints import TorchHints
 from jotlight.parameter_names import takes_rng
 from jotlight.seeds import random_generator
@@ -302,8 +302,8 @@ class Network(GrayNetwork, TorchHints):
         """Write an ONNX model from counts (N, 1, H, W) to intensities (extra `onnx`).
 
         The sensor is by default the one for which :func:`jotlight.pretrained` was called, else the
-        network's. :func:`jotlight.networks.onnx_export.write_onnx` describes the model and the
-        errors.
+        network's. :func:`jotlight.networks.files.onnx_export.write_onnx` describes the model and
+        the errors.
         """
         write_onnx(path, self, sensor or self.default_sensor)
 

@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 from jotlight.networks.conditioning import count_sets
 from jotlight.networks.description import repr_of
-from jotlight.networks.engine_backed import EngineBacked
+from jotlight.networks.files.network_files import read_network, write_network
 from jotlight.networks.graph import size_divisor
+from jotlight.networks.inference.engine_backed import EngineBacked
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_rotations
-from jotlight.networks.network_files import read_network, write_network
-from jotlight.networks.planes_layers import build_correction
+from jotlight.networks.planes.planes_layers import build_correction
 from jotlight.parameter_names import takes_rng
 from jotlight.seeds import random_generator
 from jotlight.sensing.sensor import Sensor

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from jotlight.errors import hide_warnings
 from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.networks.inference.trials_map import denoise_fractions
 from jotlight.networks.network import Network
-from jotlight.networks.trials_map import denoise_fractions
 from jotlight.sensing.bits.subsampling import LongCounts, subsample_counts
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import Jot, reference_jot

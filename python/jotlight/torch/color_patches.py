@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.color_inference import (
+from jotlight.networks.color.color_inference import (
     MIN_LARGEST,
     planes_of_channels,
     planes_of_mosaic,

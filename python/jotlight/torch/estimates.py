@@ -10,13 +10,13 @@ import torch
 from torch import Tensor
 
 from jotlight._engine import BRIGHT, RATIO_OF_PASS
-from jotlight.networks.coarse_scales import (
+from jotlight.networks.inference.coarse_scales import (
     add_coarse,
     has_few_photons,
     sensor_of_squares,
 )
-from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
-from jotlight.networks.dim_scenes import combine, may_be_dim, weight_of_combined
+from jotlight.networks.inference.dark_regions import match_dark_regions, may_have_dark_regions
+from jotlight.networks.inference.dim_scenes import combine, may_be_dim, weight_of_combined
 from jotlight.sensing.likelihood.reference import reference_jot, response_of
 from jotlight.sensing.parameters.response import detection_density, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -154,7 +154,7 @@ def probability_of(
 ) -> Tensor:
     """Return P(b = 1) by a K-conditioned network, also for more trials than it knows.
 
-    The passes are those of :func:`jotlight.networks.trials_map.denoise_fractions`.
+    The passes are those of :func:`jotlight.networks.inference.trials_map.denoise_fractions`.
 
     Parameters
     ----------
@@ -192,8 +192,8 @@ def improve_dim(
 ) -> Tensor:
     """Return the intensities (N, 1, H, W) with those of combined trials for dim scenes.
 
-    They are those of :func:`jotlight.networks.dim_scenes.denoise_dim`. In other scenes, dark
-    regions are those of :func:`jotlight.networks.dark_regions.match_dark_regions`.
+    They are those of :func:`jotlight.networks.inference.dim_scenes.denoise_dim`. In other scenes,
+    dark regions are those of :func:`jotlight.networks.inference.dark_regions.match_dark_regions`.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def improve_coarse(
 ) -> Tensor:
     """Return the intensities (N, 1, H, W) with the coarse structure of squares of pixels.
 
-    They are those of :mod:`jotlight.networks.coarse_scales`.
+    They are those of :mod:`jotlight.networks.inference.coarse_scales`.
 
     Parameters
     ----------

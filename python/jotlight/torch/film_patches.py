@@ -4,8 +4,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from jotlight.networks.film_planes import START
-from jotlight.networks.planes_layers import CENTER
+from jotlight.networks.planes.film_planes import START
+from jotlight.networks.planes.planes_layers import CENTER
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import Batch, PatchLoader
 from jotlight.training.film_patches import FilmPatches

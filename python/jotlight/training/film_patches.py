@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.film_planes import PLANES
+from jotlight.networks.planes.film_planes import PLANES
 from jotlight.training.patch_sources import Patch, PatchSource
 
 _SIMILAR = 4
@@ -24,7 +24,7 @@ class FilmExample:
     Parameters
     ----------
     planes : ndarray of float
-        The planes of :mod:`jotlight.networks.film_planes`, (14, H, W).
+        The planes of :mod:`jotlight.networks.planes.film_planes`, (14, H, W).
     truth : ndarray of float
         The true intensities, (H, W).
     trials : float

@@ -7,7 +7,7 @@ import pytest
 
 from jotlight.motion.agreement import held_out
 from jotlight.motion.agreement.held_out import Fold, central_frames, held_out_likelihood
-from jotlight.networks.trials_map import denoise_map
+from jotlight.networks.inference.trials_map import denoise_map
 from moving import blocks_of, paths_of, shaken, total_of
 
 

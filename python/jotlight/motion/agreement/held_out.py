@@ -22,7 +22,7 @@ from jotlight.motion.displacements.scoring import template_network
 from jotlight.motion.displacements.track import Paths
 from jotlight.motion.labels import choose
 from jotlight.motion.tiles import interpolate
-from jotlight.networks.trials_map import denoise_map
+from jotlight.networks.inference.trials_map import denoise_map
 
 Probability = npt.NDArray[np.floating]
 

@@ -15,7 +15,7 @@ from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.track import Paths, from_center
 from jotlight.motion.merging.merged_pixels import as_pixels
 from jotlight.motion.motion import Motion
-from jotlight.networks.film_planes import NEIGHBORS
+from jotlight.networks.planes.film_planes import NEIGHBORS
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.merged import Merged

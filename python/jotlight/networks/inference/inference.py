@@ -19,10 +19,10 @@ from jotlight.estimators.inverse_response import (
 from jotlight.estimators.readings.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
 from jotlight.layout import Layout
-from jotlight.networks.coarse_scales import add_coarse, counts_of_squares, has_few_photons
-from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
-from jotlight.networks.dim_scenes import denoise_dim, may_be_dim
-from jotlight.networks.engine_backed import GrayNetwork, sensor_model
+from jotlight.networks.inference.coarse_scales import add_coarse, counts_of_squares, has_few_photons
+from jotlight.networks.inference.dark_regions import match_dark_regions, may_have_dark_regions
+from jotlight.networks.inference.dim_scenes import denoise_dim, may_be_dim
+from jotlight.networks.inference.engine_backed import GrayNetwork, sensor_model
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import check_fits
 from jotlight.sensing.bits.output_images import OutputImages

@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight._engine import level_range
 from jotlight.estimators.trial_levels import local_trials
-from jotlight.networks.trials_map import denoise_fractions, denoise_map
+from jotlight.networks.inference.trials_map import denoise_fractions, denoise_map
 from reference import trials_map as reference
 
 NETWORK = jl.pretrained(jl.Sensor())

@@ -14,11 +14,11 @@ from jotlight.estimators.trial_levels import (
     local_trials,
     share_levels,
 )
+from jotlight.networks.color.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.color_planes import DEVIATIONS, START, Filtered, color_planes
-from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.network import Network
-from jotlight.networks.planes_layers import CENTER
+from jotlight.networks.planes.color_planes import DEVIATIONS, START, Filtered, color_planes
+from jotlight.networks.planes.planes_layers import CENTER
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import reference_jot, response_of
 from jotlight.sensing.merged import MAX_SILENT_TRIALS

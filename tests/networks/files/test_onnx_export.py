@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.networks import inference
+from jotlight.networks.inference import inference
 from reference import deep
 from reference.networks import random_bits, random_network
 
@@ -169,7 +169,7 @@ def test_sensors_that_the_model_cannot_have_are_refused(tmp_path):
 
 
 def test_without_the_package_the_error_says_how_to_install_it(tmp_path, monkeypatch):
-    monkeypatch.delitem(sys.modules, "jotlight.networks.onnx_graph", raising=False)
+    monkeypatch.delitem(sys.modules, "jotlight.networks.files.onnx_graph", raising=False)
     monkeypatch.setitem(sys.modules, "onnx", None)
     with pytest.raises(jl.MissingExtraError, match=r"pip install 'jotlight\[onnx\]'"):
         jl.pretrained(SENSOR).export_onnx(tmp_path / "network.onnx")

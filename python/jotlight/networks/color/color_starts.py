@@ -9,9 +9,9 @@ import numpy.typing as npt
 from jotlight.estimators.demosaicing import demosaic
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.estimators.merge_readings import round_ones
-from jotlight.networks.color_planes import Filtered
-from jotlight.networks.mosaic_planes import estimate_values
+from jotlight.networks.color.mosaic_planes import estimate_values
 from jotlight.networks.network import Network
+from jotlight.networks.planes.color_planes import Filtered
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.mosaic import Mosaic
@@ -40,7 +40,7 @@ def start_of_mosaic(
 ) -> Colors:
     """Return colors of a mosaic by a gray network and color differences, (3, H, W).
 
-    The parameters are those of :func:`jotlight.networks.color_inference.estimate_mosaic`.
+    The parameters are those of :func:`jotlight.networks.color.color_inference.estimate_mosaic`.
     """
 
     def estimate(planes: Any, own: Sensor) -> tuple[Image, None]:

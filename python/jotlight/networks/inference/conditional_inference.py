@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 
 from jotlight.estimators.deconvolution import deconvolve
-from jotlight.networks.finer_grid import (
+from jotlight.networks.inference.finer_grid import (
     Prior,
     Squares,
     coarse_counts,
     enlarge,
     estimate_light,
 )
-from jotlight.networks.inference import Image, Inference
+from jotlight.networks.inference.inference import Image, Inference
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import gray_images
 from jotlight.sensing.merged import Merged, is_finer

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import approx_fprime
 
 import jotlight as jl
-from jotlight.networks.finer_grid import (
+from jotlight.networks.inference.finer_grid import (
     Prior,
     Squares,
     average_squares,

@@ -6,9 +6,9 @@ import pytest
 import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.metrics import psnr
-from jotlight.networks.color_inference import planes_of_channels
-from jotlight.networks.color_planes import CENTER, START
-from jotlight.networks.color_starts import guided_filter
+from jotlight.networks.color.color_inference import planes_of_channels
+from jotlight.networks.color.color_starts import guided_filter
+from jotlight.networks.planes.color_planes import CENTER, START
 from jotlight.networks.pretrained import COLOR_START, pretrained_conditional
 from jotlight.sensing.data.pixel_counts import count_pixels
 

@@ -7,8 +7,8 @@ from scipy.special import gamma, gammaincinv
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.networks import dark_regions
-from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
+from jotlight.networks.inference import dark_regions
+from jotlight.networks.inference.dark_regions import match_dark_regions, may_have_dark_regions
 
 
 def photograph():
@@ -97,7 +97,9 @@ def test_pixels_that_are_not_dark_keep_their_intensity(monkeypatch):
     bits = sensor.expose(image, rng=0)
     found = jl.reconstruct(bits)
     assert may_have_dark_regions(found, sensor)
-    monkeypatch.setattr("jotlight.networks.inference.may_have_dark_regions", lambda *_: False)
+    monkeypatch.setattr(
+        "jotlight.networks.inference.inference.may_have_dark_regions", lambda *_: False
+    )
     before = jl.reconstruct(bits)
     bright = image > 0.98
     np.testing.assert_array_equal(found[bright], before[bright])

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials, fill_from_nearest, local_trials
-from jotlight.networks.engine_backed import EngineBacked
+from jotlight.networks.inference.engine_backed import EngineBacked
 
 Image = npt.NDArray[np.float32]
 

@@ -1,4 +1,4 @@
-"""Tests of jotlight.networks.color_inference."""
+"""Tests of jotlight.networks.color.color_inference."""
 
 from typing import Any
 
@@ -7,10 +7,10 @@ import pytest
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.networks import color_inference
-from jotlight.networks.color_inference import _local_trials, _run, _weights
-from jotlight.networks.color_planes import DEVIATIONS, PLANES, START
-from jotlight.networks.planes_layers import CENTER
+from jotlight.networks.color import color_inference
+from jotlight.networks.color.color_inference import _local_trials, _run, _weights
+from jotlight.networks.planes.color_planes import DEVIATIONS, PLANES, START
+from jotlight.networks.planes.planes_layers import CENTER
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.parameters.binomial import squared_sine
 from jotlight.sensing.sensor import Sensor

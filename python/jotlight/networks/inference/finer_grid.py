@@ -20,9 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials, local_trials
-from jotlight.networks.coarse_scales import jots_of_squares
-from jotlight.networks.engine_backed import EngineBacked
-from jotlight.networks.trials_map import denoise_fractions
+from jotlight.networks.inference.coarse_scales import jots_of_squares
+from jotlight.networks.inference.engine_backed import EngineBacked
+from jotlight.networks.inference.trials_map import denoise_fractions
 from jotlight.sensing.likelihood.reference import Jot, reference_jot
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.binomial import arcsin_root

@@ -5,8 +5,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.networks import coarse_scales
-from jotlight.networks.coarse_scales import (
+from jotlight.networks.inference import coarse_scales
+from jotlight.networks.inference.coarse_scales import (
     add_coarse,
     counts_of_squares,
     has_few_photons,
@@ -14,7 +14,7 @@ from jotlight.networks.coarse_scales import (
     log_information,
     sensor_of_squares,
 )
-from jotlight.networks.inference import Inference
+from jotlight.networks.inference.inference import Inference
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.squares import sum_squares
 

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials
-from jotlight.networks.dark_regions import match_dark_regions
-from jotlight.networks.engine_backed import EngineBacked
-from jotlight.networks.trials_map import denoise_fractions
+from jotlight.networks.inference.dark_regions import match_dark_regions
+from jotlight.networks.inference.engine_backed import EngineBacked
+from jotlight.networks.inference.trials_map import denoise_fractions
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor

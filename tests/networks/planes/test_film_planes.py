@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from jotlight.networks.film_planes import PLANES, Counts, film_planes, usual_trials
+from jotlight.networks.planes.film_planes import PLANES, Counts, film_planes, usual_trials
 
 SHAPE = 5, 7
 

@@ -8,8 +8,9 @@ The model covers
 
 - mirrored borders, and sizes that are not multiples of the network's size divisor;
 - the parameters of a K-conditioned network for the K of the sensor, which are fixed in the model;
-- K above the range of the network: the further runs of :mod:`jotlight.networks.trials_map`,
-  where the network occurs once more for each factor of 16;
+- K above the range of the network: the further runs of
+  :mod:`jotlight.networks.inference.trials_map`, where the network occurs once more for each factor
+  of 16;
 - P⁻¹, dark counts, and efficiency, and the clipping to [0, S].
 
 It does not cover dead jots, maps of efficiency or dark counts, and maps of trials: the sensor must
@@ -30,11 +31,11 @@ from jotlight.argument_types import as_path
 from jotlight.errors import needs_module
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.files import write_file
-from jotlight.networks.engine_backed import GrayNetwork
 from jotlight.networks.graph import size_divisor, sources
+from jotlight.networks.inference.engine_backed import GrayNetwork
+from jotlight.networks.inference.served_sensors import choose_sensor
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
-from jotlight.networks.served_sensors import choose_sensor
 from jotlight.networks.splines import CUBIC_BASIS
 from jotlight.sensing.data.pixel_counts import count_pixels
 from jotlight.sensing.likelihood.reference import Jot, reference_jot
@@ -45,7 +46,7 @@ from jotlight.sensing.parameters.response import (
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
-    from jotlight.networks.onnx_graph import GraphBuilder
+    from jotlight.networks.files.onnx_graph import GraphBuilder
 
 Cubics = tuple[npt.NDArray[np.floating], float, float]
 """Cubics (C, I, 4), start, and spacing of :meth:`GraphBuilder.piecewise_cubics`."""
@@ -88,7 +89,7 @@ def write_onnx(path: str | os.PathLike[str], network: GrayNetwork, sensor: Senso
     own, trials_range = network.sensor, network.trials_range
     sensor = choose_sensor(sensor, own, trials_range, tied=network.tied)
     with needs_module("onnx", "ONNX models need onnx: pip install 'jotlight[onnx]'"):
-        from jotlight.networks.onnx_graph import GraphBuilder
+        from jotlight.networks.files.onnx_graph import GraphBuilder
 
     graph, data = GraphBuilder(), "counts" if network.tied else "bits"
     if trials_range is not None:

@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.networks.dim_scenes import combine, may_be_dim, trials_per_combined
+from jotlight.networks.inference.dim_scenes import combine, may_be_dim, trials_per_combined
 
 
 def photograph():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jotlight.networks.color_planes import CENTER, START, Filtered, color_planes
+from jotlight.networks.planes.color_planes import CENTER, START, Filtered, color_planes
 from jotlight.sensing.parameters.mosaic import Mosaic
 
 DARK, SLOPE = 0.1, 0.5

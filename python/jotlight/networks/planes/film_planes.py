@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.planes_layers import CENTER
+from jotlight.networks.planes.planes_layers import CENTER
 from jotlight.sensing.parameters.binomial import arcsin_root
 
 Image = npt.NDArray[np.float32]

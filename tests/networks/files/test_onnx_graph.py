@@ -6,7 +6,7 @@ from scipy.interpolate import PPoly
 
 onnxruntime = pytest.importorskip("onnxruntime")
 pytest.importorskip("onnx")
-from jotlight.networks.onnx_graph import OPSET, GraphBuilder  # noqa: E402
+from jotlight.networks.files.onnx_graph import OPSET, GraphBuilder  # noqa: E402
 
 RNG = np.random.default_rng(0)
 
