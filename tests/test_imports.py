@@ -48,6 +48,10 @@ def test_the_longest_chain_of_units_is_short(imports):
     ("package", "order"),
     [
         (
+            "evaluation",
+            "methods many_trials held_out choice records contradictions color intervals",
+        ),
+        (
             "networks",
             "layer splines conditioning graph layer_checks architectures precision inference "
             "planes files network color_network color",

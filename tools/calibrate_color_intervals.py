@@ -4,8 +4,8 @@
 
 As in ``calibrate_intervals``, training photographs determine the scale of the errors, and
 validation photographs the quantiles of error/scale. The mosaics are those that train the network.
-The result goes to ``python/jotlight/evaluation/color_error_scale.json``. It takes ten minutes on
-one core.
+The result goes to ``python/jotlight/evaluation/intervals/color_error_scale.json``. It takes ten
+minutes on one core.
 """
 
 import argparse
@@ -28,8 +28,8 @@ from calibrate_intervals import (
 from numpy.typing import NDArray
 
 import jotlight as jl
-from jotlight.evaluation.color_intervals import MosaicPixels
-from jotlight.evaluation.error_scale import COLOR_FILE, error_model, error_terms
+from jotlight.evaluation.intervals.color_intervals import MosaicPixels
+from jotlight.evaluation.intervals.error_scale import COLOR_FILE, error_model, error_terms
 from jotlight.sensing.data.pixel_counts import count_pixels
 from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.training import random_mosaic

@@ -4,8 +4,8 @@
 
 Training photographs (see `training_data`) determine the scale of the errors, and training and
 validation photographs the quantiles of error/scale. A third of the photographs is made linear in
-light. The result goes to ``python/jotlight/evaluation/error_scale.json``. It takes ten minutes on
-one core.
+light. The result goes to ``python/jotlight/evaluation/intervals/error_scale.json``. It takes ten
+minutes on one core.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pixel_classes import classify
 
 import jotlight as jl
-from jotlight.evaluation.error_scale import (
+from jotlight.evaluation.intervals.error_scale import (
     FILE,
     WINDOWS,
     ErrorModel,
@@ -31,9 +31,9 @@ from jotlight.evaluation.error_scale import (
     log_activity,
     log_ones,
 )
-from jotlight.evaluation.interval_pixels import Pixels
-from jotlight.evaluation.intervals import estimate_halves
-from jotlight.evaluation.known_errors import TYPICAL_DEVIATION
+from jotlight.evaluation.intervals.interval_pixels import Pixels
+from jotlight.evaluation.intervals.intervals import estimate_halves
+from jotlight.evaluation.intervals.known_errors import TYPICAL_DEVIATION
 from jotlight.sensing.data.pixel_counts import count_pixels
 
 TRIALS = 1, 2, 3, 4, 6, 9, 16, 25, 36, 64, 100, 256, 1024, 4096

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from jotlight.cli.console import caution
 from jotlight.evaluation.choice import Choice
-from jotlight.evaluation.clipping import clipping_of
+from jotlight.evaluation.contradictions.clipping import clipping_of
 from jotlight.formats.capture import Capture
 from jotlight.motion.counts.detection import THRESHOLD, motion_score
 from jotlight.motion.counts.reading_counts import counts_of_readings

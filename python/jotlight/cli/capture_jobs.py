@@ -22,7 +22,7 @@ from jotlight.dask.jobs import (
 )
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
-from jotlight.evaluation.records import maps_sha256
+from jotlight.evaluation.records.records import maps_sha256
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
 from jotlight.networks.color_network import ColorNetwork

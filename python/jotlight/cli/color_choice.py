@@ -4,7 +4,7 @@ import dataclasses
 
 from jotlight.cli.captured import Captured
 from jotlight.estimators.demosaicing import COLORS, TITLES
-from jotlight.evaluation.color_data import takes_mosaic
+from jotlight.evaluation.color.color_data import takes_mosaic
 from jotlight.evaluation.request import Request
 from jotlight.sensing.bits.bits import Bits
 

@@ -28,7 +28,7 @@ from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.choice import FILM_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
-from jotlight.evaluation.records import tone_facts
+from jotlight.evaluation.records.records import tone_facts
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum

@@ -12,7 +12,7 @@ from jotlight.estimators.demosaicing import TITLES
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.choice import network_name, requested_method
-from jotlight.evaluation.color_data import check_demosaicing
+from jotlight.evaluation.color.color_data import check_demosaicing
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.evaluation.methods import (
     BLEND_METHOD,

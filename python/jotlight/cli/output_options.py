@@ -14,7 +14,7 @@ from jotlight.cli.common_options import FILM_PANEL, OUTPUT_PANEL
 from jotlight.errors import percent_advice, warn
 from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.records import image_facts, tone_facts
+from jotlight.evaluation.records.records import image_facts, tone_facts
 from jotlight.images.clipping import Clipping
 from jotlight.images.exposure import display_tone
 from jotlight.images.image_stack import stack_writer

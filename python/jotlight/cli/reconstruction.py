@@ -22,11 +22,11 @@ from jotlight.errors import counted
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.iterative.convergence import ConvergenceHistories
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.clipping import with_clipping_of
-from jotlight.evaluation.color_data import takes_channels
-from jotlight.evaluation.info import Info
+from jotlight.evaluation.color.color_data import takes_channels
+from jotlight.evaluation.contradictions.clipping import with_clipping_of
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.records.info import Info
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
 from jotlight.files import atomic_write_together
 from jotlight.formats.checked_reading import with_checksum

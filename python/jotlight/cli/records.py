@@ -13,8 +13,8 @@ from jotlight.cli.applied_calibration import (
     record_path,
 )
 from jotlight.cli.inputs import Reconstruction
-from jotlight.evaluation.records import maps_sha256
-from jotlight.evaluation.weights import weights_sha256
+from jotlight.evaluation.records.records import maps_sha256
+from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.files import write_file
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state

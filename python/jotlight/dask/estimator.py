@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_fallback
-from jotlight.evaluation.color_data import check_demosaicing, uses_color_network
+from jotlight.evaluation.color.color_data import check_demosaicing, uses_color_network
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.evaluation.request import Request
 from jotlight.evaluation.run_choice import run_choice
-from jotlight.evaluation.weights import weights_sha256
 from jotlight.layout import Layout
 from jotlight.networks.color.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network

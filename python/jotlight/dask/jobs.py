@@ -19,7 +19,7 @@ from jotlight.dask.records import Record, check_same_run, read_json
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
-from jotlight.evaluation.records import tone_facts
+from jotlight.evaluation.records.records import tone_facts
 from jotlight.files import atomic_write_together, create_parent, write_file
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.checksums import file_checksum

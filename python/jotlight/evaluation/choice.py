@@ -5,7 +5,7 @@ from collections.abc import Collection
 from typing import Any
 
 from jotlight.errors import counted, plural
-from jotlight.evaluation.color_data import BY_COLOR_NETWORK, takes_sensor
+from jotlight.evaluation.color.color_data import BY_COLOR_NETWORK, takes_sensor
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.many_trials import takes_blend, trials_of
 from jotlight.evaluation.methods import (

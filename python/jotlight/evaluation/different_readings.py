@@ -13,7 +13,7 @@ from jotlight.estimators.merge_readings import merge_joint
 from jotlight.estimators.readings.merge_near import Merging
 from jotlight.estimators.readings.reference_sensors import reference_sensor
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.interval_pixels import find_unbounded
+from jotlight.evaluation.intervals.interval_pixels import find_unbounded
 from jotlight.evaluation.methods import BLEND_METHOD, find_method
 from jotlight.layout import join
 from jotlight.networks.color_network import AnyNetwork

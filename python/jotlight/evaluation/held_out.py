@@ -13,8 +13,8 @@ from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
 from jotlight.estimators.mle import mle
 from jotlight.evaluation.blend_weights import blend_weights
-from jotlight.evaluation.color_data import takes_channels
-from jotlight.evaluation.color_images import reconstruct_channels
+from jotlight.evaluation.color.color_data import takes_channels
+from jotlight.evaluation.color.color_images import reconstruct_channels
 from jotlight.layout import Layout, join
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained

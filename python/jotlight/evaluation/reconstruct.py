@@ -11,14 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
-from jotlight.evaluation.bright_pixels import bright_in_first_frames
-from jotlight.evaluation.channels import (
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_extras, check_precision_of
+from jotlight.evaluation.color.channels import (
     run_color_network,
     without_warnings_of_colors,
 )
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_extras, check_precision_of
-from jotlight.evaluation.clipping import warn_about_clipping
-from jotlight.evaluation.color_data import (
+from jotlight.evaluation.color.color_data import (
     BY_COLOR_NETWORK,
     check_demosaicing,
     check_taken,
@@ -26,13 +24,15 @@ from jotlight.evaluation.color_data import (
     takes_mosaic,
     uses_color_network,
 )
-from jotlight.evaluation.dark_counts import warn_about_dark_counts
+from jotlight.evaluation.color.mosaics import EstimatePlanes, reconstruct_mosaic
+from jotlight.evaluation.contradictions.bright_pixels import bright_in_first_frames
+from jotlight.evaluation.contradictions.clipping import warn_about_clipping
+from jotlight.evaluation.contradictions.dark_counts import warn_about_dark_counts
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
-from jotlight.evaluation.info import Info
 from jotlight.evaluation.many_trials import takes_blend, trials_of
 from jotlight.evaluation.methods import BLEND_METHOD, DEFAULT_METHOD
-from jotlight.evaluation.mosaics import EstimatePlanes, reconstruct_mosaic
 from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
+from jotlight.evaluation.records.info import Info
 from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.evaluation.run_choice import run_choice
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork

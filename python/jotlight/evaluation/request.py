@@ -10,7 +10,7 @@ from jotlight.evaluation.choice import (
     choose_method,
     named_method,
 )
-from jotlight.evaluation.color_data import check_demosaicing, uses_color_network
+from jotlight.evaluation.color.color_data import check_demosaicing, uses_color_network
 from jotlight.evaluation.methods import BLEND_METHOD
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
@@ -100,7 +100,7 @@ class Request:
             The sensor of the data.
         takes_colors : bool
             Whether the data have the form that the color network takes
-            (:mod:`jotlight.evaluation.color_data`).
+            (:mod:`jotlight.evaluation.color.color_data`).
         is_range_known, trials
             As of :func:`jotlight.evaluation.choice.choose_method`.
 

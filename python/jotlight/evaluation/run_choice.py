@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_fallback
-from jotlight.evaluation.color_images import reconstruct_channels
+from jotlight.evaluation.color.color_images import reconstruct_channels
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import BLEND_METHOD, METHODS
 from jotlight.evaluation.request import Request

@@ -15,24 +15,27 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.readings.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
-from jotlight.evaluation.bright_pixels import bright_in_first_frames, bright_pixels
-from jotlight.evaluation.channel_intervals import find_channel_intervals
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     check_precision_of,
     choose_method,
 )
-from jotlight.evaluation.clipping import warn_about_clipping
-from jotlight.evaluation.color_data import (
+from jotlight.evaluation.color.color_data import (
     check_demosaicing,
     takes_channels,
     takes_mosaic,
     uses_color_network,
 )
-from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
+from jotlight.evaluation.contradictions.bright_pixels import bright_in_first_frames, bright_pixels
+from jotlight.evaluation.contradictions.clipping import warn_about_clipping
 from jotlight.evaluation.different_readings import with_one_response, with_saturation
-from jotlight.evaluation.intervals import find_intervals
-from jotlight.evaluation.known_estimate import read_estimate
+from jotlight.evaluation.intervals.channel_intervals import find_channel_intervals
+from jotlight.evaluation.intervals.color_intervals import (
+    check_color_errors_known,
+    mosaic_uncertainty,
+)
+from jotlight.evaluation.intervals.intervals import find_intervals
+from jotlight.evaluation.intervals.known_estimate import read_estimate
 from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice
-from jotlight.evaluation.clipping import clipping_of, with_clipping_of
+from jotlight.evaluation.contradictions.clipping import clipping_of, with_clipping_of
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.evaluation.methods import BLEND_METHOD, METHODS
 from jotlight.evaluation.reconstruct import reconstruct

@@ -8,8 +8,8 @@ import numpy as np
 
 from jotlight.estimators.brightness import UNITS
 from jotlight.evaluation.choice import COLOR_NETWORK
-from jotlight.evaluation.records import image_facts, maps_sha256, tone_facts
-from jotlight.evaluation.weights import weights_sha256
+from jotlight.evaluation.records.records import image_facts, maps_sha256, tone_facts
+from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.formats.capture import CountStack
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.locations import file_state, is_url

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.error_scale import HalfErrors, divide_bits
-from jotlight.evaluation.unlikely import _errors_of_sums as errors_of_sums
-from jotlight.evaluation.unlikely import find_contradictions
+from jotlight.evaluation.intervals.error_scale import HalfErrors, divide_bits
+from jotlight.evaluation.intervals.unlikely import _errors_of_sums as errors_of_sums
+from jotlight.evaluation.intervals.unlikely import find_contradictions
 
 ROWS, COLUMNS = np.indices((128, 128)) - 64
 RADIUS = np.hypot(ROWS, COLUMNS)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import count_local_trials
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.error_scale import (
+from jotlight.evaluation.intervals.error_scale import (
     ErrorModel,
     Half,
     HalfErrors,
@@ -18,8 +18,8 @@ from jotlight.evaluation.error_scale import (
     expected_squares,
     gray_scale,
 )
-from jotlight.evaluation.known_errors import KnownErrors
-from jotlight.evaluation.unlikely import find_contradictions
+from jotlight.evaluation.intervals.known_errors import KnownErrors
+from jotlight.evaluation.intervals.unlikely import find_contradictions
 from jotlight.kept import kept_property
 from jotlight.sensing.data.pixel_counts import Estimate, PixelCounts
 from jotlight.sensing.likelihood.reference import Jot, typical_jot

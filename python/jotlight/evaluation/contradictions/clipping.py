@@ -58,8 +58,8 @@ def warn_about_clipping(
         The sensor of the data.
     bright : callable
         A function that returns which pixels the data show to be brighter
-        (:mod:`jotlight.evaluation.bright_pixels`), or None if they do not show it. Then 90 % of the
-        values must be clipped. The function is called only if a value is.
+        (:mod:`jotlight.evaluation.contradictions.bright_pixels`), or None if they do not show it.
+        Then 90 % of the values must be clipped. The function is called only if a value is.
     data : iterable
         The data. Equivalent counts among them are not valid beyond an intensity, and do not say
         whether their readings are saturated.

@@ -3,7 +3,7 @@
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.weights import weights_sha256
+from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.formats.checksums import file_checksum
 from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE
 

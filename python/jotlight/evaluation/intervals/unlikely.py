@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.evaluation.error_scale import HalfErrors
+from jotlight.evaluation.intervals.error_scale import HalfErrors
 from jotlight.sensing.parameters.response import Array
 
 _NEIGHBORHOOD = 6.0

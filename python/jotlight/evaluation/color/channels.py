@@ -10,9 +10,9 @@ import numpy.typing as npt
 from jotlight.errors import hide_warnings
 from jotlight.estimators.inpaint import NO_VALID_BIT
 from jotlight.evaluation.choice import OWN_NETWORK, TITLES
-from jotlight.evaluation.color_data import check_taken, takes_channels
-from jotlight.evaluation.color_images import reconstruct_channels
-from jotlight.evaluation.info import Info
+from jotlight.evaluation.color.color_data import check_taken, takes_channels
+from jotlight.evaluation.color.color_images import reconstruct_channels
+from jotlight.evaluation.records.info import Info
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.merged import Merged

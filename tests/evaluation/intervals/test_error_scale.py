@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from jotlight.evaluation.error_scale import (
+from jotlight.evaluation.intervals.error_scale import (
     ErrorModel,
     HalfErrors,
     combine_dim,

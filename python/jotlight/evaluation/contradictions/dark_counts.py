@@ -3,7 +3,7 @@
 import numpy as np
 
 from jotlight.errors import warn
-from jotlight.evaluation.first_frames import first_frames, on_usual_grid
+from jotlight.evaluation.contradictions.first_frames import first_frames, on_usual_grid
 from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor

@@ -9,7 +9,7 @@ import pytest
 import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.estimators.demosaicing import demosaic
-from jotlight.evaluation.mosaics import count_image
+from jotlight.evaluation.color.mosaics import count_image
 from jotlight.formats.checksums import file_checksum
 from jotlight.networks.color.mosaic_planes import value_weights
 from jotlight.networks.pretrained import MOSAIC_FILE

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jotlight.evaluation.error_scale import error_model
-from jotlight.evaluation.known_errors import KnownErrors
+from jotlight.evaluation.intervals.error_scale import error_model
+from jotlight.evaluation.intervals.known_errors import KnownErrors
 
 
 def test_the_errors_of_another_estimate_add_the_mean_square_of_the_difference():

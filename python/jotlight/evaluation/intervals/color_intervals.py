@@ -14,9 +14,9 @@ import numpy.typing as npt
 from jotlight.errors import hide_warnings
 from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.bright_pixels import bright_behind_mosaic
-from jotlight.evaluation.color_images import count_image
-from jotlight.evaluation.error_scale import (
+from jotlight.evaluation.color.color_images import count_image
+from jotlight.evaluation.contradictions.bright_pixels import bright_behind_mosaic
+from jotlight.evaluation.intervals.error_scale import (
     COLOR_FILE,
     ErrorModel,
     Half,
@@ -25,10 +25,10 @@ from jotlight.evaluation.error_scale import (
     divide_bits,
     error_model,
 )
-from jotlight.evaluation.interval_pixels import Pixels, intensity_of, stabilize
-from jotlight.evaluation.intervals import MIN_TRIALS
-from jotlight.evaluation.known_errors import KnownErrors
-from jotlight.evaluation.known_estimate import read_estimate
+from jotlight.evaluation.intervals.interval_pixels import Pixels, intensity_of, stabilize
+from jotlight.evaluation.intervals.intervals import MIN_TRIALS
+from jotlight.evaluation.intervals.known_errors import KnownErrors
+from jotlight.evaluation.intervals.known_estimate import read_estimate
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.kept import kept_property
 from jotlight.layout import Layout

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import gammainc
 
 import jotlight as jl
-from jotlight.evaluation.interval_pixels import Pixels, intensity_of, slope_of, stabilize
+from jotlight.evaluation.intervals.interval_pixels import Pixels, intensity_of, slope_of, stabilize
 from jotlight.sensing.data.pixel_counts import count_pixels
 
 CAMERA = jl.datasets.photograph("camera")[100:196, 180:276]

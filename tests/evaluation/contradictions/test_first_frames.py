@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation import first_frames as module
-from jotlight.evaluation.first_frames import first_frames
+from jotlight.evaluation.contradictions import first_frames as module
+from jotlight.evaluation.contradictions.first_frames import first_frames
 from jotlight.sensing.data.pixel_counts import gray_images
 
 SHAPE = 48, 64

@@ -8,10 +8,10 @@ import numpy as np
 from jotlight.errors import hide_warnings
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.color_images import reconstruct_channels
-from jotlight.evaluation.error_scale import Half, divide_bits, error_model
-from jotlight.evaluation.interval_pixels import Pixels
-from jotlight.evaluation.intervals import MIN_TRIALS
+from jotlight.evaluation.color.color_images import reconstruct_channels
+from jotlight.evaluation.intervals.error_scale import Half, divide_bits, error_model
+from jotlight.evaluation.intervals.interval_pixels import Pixels
+from jotlight.evaluation.intervals.intervals import MIN_TRIALS
 from jotlight.layout import Layout
 from jotlight.sensing.data.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.sensor import Sensor
@@ -39,7 +39,7 @@ def find_channel_intervals(
     ----------
     images : GrayImages
         The channels of all images, which
-        :func:`jotlight.evaluation.color_data.takes_channels` accepts.
+        :func:`jotlight.evaluation.color.color_data.takes_channels` accepts.
     estimates : ndarray of float32, shape (N, H, W)
         The estimates of the color network.
     sensor : Sensor

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation import first_frames
+from jotlight.evaluation.contradictions import first_frames
 
 SHAPE = 48, 64
 RNG = np.random.default_rng(0)

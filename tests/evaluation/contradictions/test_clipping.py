@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.errors import hide_warnings
-from jotlight.evaluation.bright_pixels import bright_pixels
+from jotlight.evaluation.contradictions.bright_pixels import bright_pixels
 from jotlight.sensing.data.pixel_counts import gray_images
 
 SCENE = photograph("camera")[::4, ::4]

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
-from jotlight.evaluation.bright_pixels import bright_behind_mosaic
 from jotlight.evaluation.choice import COLOR_NETWORK, OWN_NETWORK, Choice
 from jotlight.evaluation.choice import TITLES as METHOD_TITLES
-from jotlight.evaluation.clipping import largest_colors, warn_about_clipping
-from jotlight.evaluation.color_images import count_image
-from jotlight.evaluation.info import Info, join_infos
-from jotlight.evaluation.mosaic_blend import blend_mosaic
+from jotlight.evaluation.color.color_images import count_image
+from jotlight.evaluation.color.mosaic_blend import blend_mosaic
+from jotlight.evaluation.contradictions.bright_pixels import bright_behind_mosaic
+from jotlight.evaluation.contradictions.clipping import largest_colors, warn_about_clipping
+from jotlight.evaluation.records.info import Info, join_infos
 from jotlight.layout import Layout
 from jotlight.networks.color.color_inference import estimate_mosaic
 from jotlight.networks.color.mosaic_planes import estimate_values

@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.evaluation.first_frames import first_frames, on_usual_grid
+from jotlight.evaluation.contradictions.first_frames import first_frames, on_usual_grid
 from jotlight.layout import join
 from jotlight.sensing.data.pixel_counts import GrayImages, PixelCounts
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.mosaic_blend import blend_mosaic
+from jotlight.evaluation.color.mosaic_blend import blend_mosaic
 from jotlight.sensing.data.pixel_counts import count_pixels
 from jotlight.sensing.parameters.mosaic import Mosaic
 

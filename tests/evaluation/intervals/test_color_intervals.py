@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.color_intervals import MosaicPixels
-from jotlight.evaluation.error_scale import COLOR_FILE, error_model
+from jotlight.evaluation.intervals.color_intervals import MosaicPixels
+from jotlight.evaluation.intervals.error_scale import COLOR_FILE, error_model
 from jotlight.sensing.data.pixel_counts import count_pixels
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.parameters.reading_groups import without_mosaic

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from jotlight.evaluation.error_scale import ErrorModel, HalfErrors
+from jotlight.evaluation.intervals.error_scale import ErrorModel, HalfErrors
 from jotlight.sensing.data.pixel_counts import Estimate
 from jotlight.sensing.parameters.response import Array
 
@@ -44,7 +44,7 @@ class KnownErrors:
 
         Examples
         --------
-        >>> from jotlight.evaluation.error_scale import error_model
+        >>> from jotlight.evaluation.intervals.error_scale import error_model
         >>> estimate, scale = np.zeros((1, 2), np.float32), np.full((1, 2), 0.1)
         >>> known = KnownErrors(estimate, scale, [], error_model())
         >>> known.at_least(np.array([[0.0, 0.49]])).scale

@@ -71,8 +71,8 @@ def reconstruct_channels(
     Parameters
     ----------
     images : GrayImages
-        The channels of all images. :func:`jotlight.evaluation.color_data.takes_channels` states
-        which.
+        The channels of all images. :func:`jotlight.evaluation.color.color_data.takes_channels`
+        states which.
     sensor : Sensor
         Their sensor, with plain bits.
     out : ndarray of float32, optional

@@ -7,8 +7,8 @@ import numpy as np
 
 from jotlight.errors import hide_warnings
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.error_scale import Half, divide_bits, error_model
-from jotlight.evaluation.interval_pixels import Pixels
+from jotlight.evaluation.intervals.error_scale import Half, divide_bits, error_model
+from jotlight.evaluation.intervals.interval_pixels import Pixels
 from jotlight.layout import Layout
 from jotlight.networks.network import Network
 from jotlight.sensing.data.pixel_counts import Estimate, GrayImages

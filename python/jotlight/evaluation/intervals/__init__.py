@@ -1,0 +1,10 @@
+"""Intervals of the intensity around an estimate.
+
+In reading order:
+
+- ``error_scale``: the size of a network's errors. ``known_errors``: what else is known about them.
+  ``unlikely``: where the data contradict an estimate.
+- ``interval_pixels``, ``intervals``: gray images. ``channel_intervals``: three channels.
+  ``color_intervals``: mosaics.
+- ``known_estimate``: checks of an estimate of the caller.
+"""
