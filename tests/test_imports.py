@@ -52,6 +52,10 @@ def test_the_longest_chain_of_units_is_short(imports):
             "methods many_trials held_out choice records contradictions color intervals",
         ),
         (
+            "formats",
+            "capture format files frames raw npy hdf5 matlab images zarr registry opening",
+        ),
+        (
             "networks",
             "layer splines conditioning graph layer_checks architectures precision inference "
             "planes files network color_network color",

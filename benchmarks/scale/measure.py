@@ -48,8 +48,8 @@ from jotlight.dask.running import Cluster, ThisProcess, run_jobs
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import Checksum, WindowCounter
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.formats.reading import open_capture
-from jotlight.formats.reading_options import ReadingOptions
 
 WORKERS = 2
 

@@ -8,7 +8,7 @@ import pytest
 import zarr
 
 import jotlight as jl
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.io import read_image
 from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE
 

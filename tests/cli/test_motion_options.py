@@ -12,7 +12,7 @@ import tifffile
 import jotlight as jl
 from folders import file_names
 from jotlight.formats.capture import CountStack
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.io import read_image, read_note
 from jotlight.sensing.parameters.provenance import Provenance
 from moving import record

@@ -116,7 +116,7 @@ def test_the_bits_do_not_depend_on_the_parts_in_which_they_are_written(
 ):
     arguments = ["simulate", color, "-k", 2, "-t", 7, "--kernel", "cubic", *options]
     assert run(*arguments, "-o", "whole.npy")[0] == 0
-    monkeypatch.setattr("jotlight.formats.arrays._WRITTEN_BYTES", 10_000)
+    monkeypatch.setattr("jotlight.formats.npy.arrays._WRITTEN_BYTES", 10_000)
     assert run(*arguments, "-o", "parts.npy")[0] == 0
     assert (tmp_path / "parts.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
     sensor = jl.Sensor(oversampling=2, frames=7, kernel="cubic")

@@ -9,7 +9,7 @@ import pytest
 import jotlight as jl
 from examples.arrays import random_frames
 from jotlight.errors import SeveralArraysError
-from jotlight.formats.labels import AS_STATED
+from jotlight.formats.frames.labels import AS_STATED
 from jotlight.formats.reading import open_capture
 from reference import formats as twin
 

@@ -8,7 +8,7 @@ from PIL import Image
 
 import jotlight as jl
 from examples import READERS
-from jotlight.formats.detect import detect_format
+from jotlight.formats.opening.detect import detect_format
 from jotlight.formats.registry import FORMATS, WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
 

@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from examples.arrays import random_frames
-from jotlight.formats.arrays import open_npy_array
+from jotlight.formats.npy.arrays import open_npy_array
 
 
 def write_transforms(folder, frames, **content):

@@ -12,7 +12,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight import JotlightWarning
-from jotlight.formats import limits
+from jotlight.formats.files import limits
 from jotlight.images.io import image_writer, read_image
 
 GRAY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)

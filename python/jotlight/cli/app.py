@@ -46,7 +46,7 @@ from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
 from jotlight.cli.view import view
 from jotlight.errors import counted, error_message
-from jotlight.formats.locations import STANDARD_INPUT
+from jotlight.formats.opening.locations import STANDARD_INPUT
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     demo,

@@ -11,10 +11,10 @@ from jotlight.cli.common_options import CAPTURE_PANEL
 from jotlight.errors import warn
 from jotlight.formats import FORMATS
 from jotlight.formats.capture import Capture, CountStack
-from jotlight.formats.opening import read_capture
-from jotlight.formats.orientation import FLIPS
-from jotlight.formats.reading_options import ReadingOptions
-from jotlight.formats.scaled import unscale
+from jotlight.formats.frames.orientation import FLIPS
+from jotlight.formats.frames.scaled import unscale
+from jotlight.formats.opening.opening import read_capture
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.sensing.bits.crop import parse_region
 from jotlight.sensing.bits.frames import read_frames
 from jotlight.sensing.data.scaled_counts import SCALES, scaled_counts_hint

@@ -13,7 +13,7 @@ from jotlight.cli.console import progress
 from jotlight.errors import counted
 from jotlight.files import check_outputs
 from jotlight.formats.capture import Capture, CountStack, assumed_sensor_note
-from jotlight.formats.description import companion_files
+from jotlight.formats.npy.description import companion_files
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import check_fits
 from jotlight.sensing.bits.frames import read_frames

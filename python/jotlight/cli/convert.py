@@ -15,9 +15,9 @@ from jotlight.dask.jobs import conversion_record, conversion_text
 from jotlight.dask.records import read_json
 from jotlight.files import atomic_write, write_file
 from jotlight.formats.capture import Capture, CountStack
-from jotlight.formats.checked_reading import with_checksum
-from jotlight.formats.description import companion_files
-from jotlight.formats.locations import file_state, is_url
+from jotlight.formats.frames.checked_reading import with_checksum
+from jotlight.formats.npy.description import companion_files
+from jotlight.formats.opening.locations import file_state, is_url
 from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.sensing.bits.bits import Bits

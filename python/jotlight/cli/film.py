@@ -31,8 +31,8 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.records import tone_facts
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
-from jotlight.formats.checked_reading import with_checksum
-from jotlight.formats.locations import is_url
+from jotlight.formats.frames.checked_reading import with_checksum
+from jotlight.formats.opening.locations import is_url
 from jotlight.images.tone import Tone
 from jotlight.images.video import is_floats, video_writer
 from jotlight.motion.films.estimates import FilmEstimates

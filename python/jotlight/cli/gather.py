@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from jotlight.cli.console import progress, report
 from jotlight.errors import counted
-from jotlight.formats.locations import expand
+from jotlight.formats.opening.locations import expand
 
 
 def gather(

@@ -27,13 +27,13 @@ from jotlight.cli.origins import (
 )
 from jotlight.files import check_outputs
 from jotlight.formats import open_capture
-from jotlight.formats.archives import describe_npz_arrays, read_npz_label
-from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack
-from jotlight.formats.detect import PHOTOGRAPH_EXTENSIONS, detect_format
+from jotlight.formats.frames.labels import COUNTS, parse_label
 from jotlight.formats.images.tiff_directories import open_checked_tiff, shape_of
-from jotlight.formats.labels import COUNTS, parse_label
-from jotlight.formats.locations import check_exists, is_url
+from jotlight.formats.npy.archives import describe_npz_arrays, read_npz_label
+from jotlight.formats.npy.arrays import open_npy_array
+from jotlight.formats.opening.detect import PHOTOGRAPH_EXTENSIONS, detect_format
+from jotlight.formats.opening.locations import check_exists, is_url
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
 from jotlight.layout import is_single_image

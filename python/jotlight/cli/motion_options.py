@@ -13,7 +13,7 @@ from jotlight.cli.captured import Captured
 from jotlight.cli.common_options import MOTION_PANEL
 from jotlight.cli.console import progress
 from jotlight.errors import plural
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.image_stack import stack_writer
 from jotlight.motion.align import align
 from jotlight.motion.merge import check_upsample, merge

@@ -10,8 +10,8 @@ from jotlight.cli.console import shape_text
 from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
 from jotlight.dask.store import PART, open_finished, open_unfinished
-from jotlight.formats.checksums import file_checksum
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.files.checksums import file_checksum
+from jotlight.formats.files.safe_paths import check_inside
 from jotlight.images.io import read_image, read_note
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.parameters.provenance import Provenance

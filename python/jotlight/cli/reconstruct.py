@@ -15,7 +15,7 @@ from jotlight.cli.reconstruction import reconstruct_image
 from jotlight.cli.run_options import CapturePaths, RunOptions, name_output
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.uncertainty import check_errors_known
-from jotlight.formats.locations import is_url
+from jotlight.formats.opening.locations import is_url
 from jotlight.images.io import image_writer
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.parameters.reading_groups import without_mosaic

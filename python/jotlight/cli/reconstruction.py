@@ -29,7 +29,7 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.info import Info
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
 from jotlight.files import atomic_write_together
-from jotlight.formats.checked_reading import with_checksum
+from jotlight.formats.frames.checked_reading import with_checksum
 from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.data.pixel_counts import Data, gray_images
 from jotlight.sensing.merged import Merged

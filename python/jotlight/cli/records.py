@@ -16,8 +16,8 @@ from jotlight.cli.inputs import Reconstruction
 from jotlight.evaluation.records.records import maps_sha256
 from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.files import write_file
-from jotlight.formats.checksums import file_checksum
-from jotlight.formats.locations import file_state
+from jotlight.formats.files.checksums import file_checksum
+from jotlight.formats.opening.locations import file_state
 from jotlight.sensing.bits.bits import Bits
 
 _NO_PLACE = (".npy", ".npz")

@@ -74,7 +74,7 @@ class RunOptions:
 
     def is_requested(self, captures: tuple[str, ...]) -> bool:
         """Return whether the captures and options need a run, rather than one reconstruction."""
-        from jotlight.formats.locations import is_glob
+        from jotlight.formats.opening.locations import is_glob
 
         return len(captures) != 1 or is_glob(captures[0]) or self != RunOptions()
 

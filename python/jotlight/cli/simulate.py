@@ -16,7 +16,7 @@ from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
 from jotlight.datasets.moving_scenes.tables import read_poses
 from jotlight.files import atomic_write, check_outputs
-from jotlight.formats.description import companion_files
+from jotlight.formats.npy.description import companion_files
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
 from jotlight.layout import MAX_CHANNELS

@@ -14,7 +14,7 @@ from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.cli.training_options import ImageOptions
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.estimators.brightness import training_sensor
-from jotlight.formats.locations import is_url
+from jotlight.formats.opening.locations import is_url
 from jotlight.images.sets import read_image_set
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.channels import last_channel_axis

@@ -15,9 +15,9 @@ from jotlight.cli.console import caution, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.formats.capture import CountStack
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.images.maps import is_map, read_map, read_mask
-from jotlight.formats.locations import is_url
+from jotlight.formats.opening.locations import is_url
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.data.alike_frames import exposure_cycle
 from jotlight.sensing.parameters.mosaic import Mosaic

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jotlight.dask.store import PART, open_unfinished
 from jotlight.errors import error_message
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.files.safe_paths import check_inside
 
 
 def find_unfinished(folders: Iterable[Path]) -> list[Path]:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.files import flush_to_disk
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.files.safe_paths import check_inside
 
 _CHECKSUM_BYTES = 4
 

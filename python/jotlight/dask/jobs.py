@@ -21,8 +21,8 @@ from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
 from jotlight.evaluation.records.records import tone_facts
 from jotlight.files import atomic_write_together, create_parent, write_file
-from jotlight.formats.checked_reading import with_checksum
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
+from jotlight.formats.frames.checked_reading import with_checksum
 from jotlight.formats.writing import write_capture
 from jotlight.images.exposure import display_tone
 from jotlight.images.io import DISPLAYED, image_writer

@@ -14,7 +14,7 @@ from pathlib import Path
 from jotlight.dask.records import Record, read_json
 from jotlight.dask.streaming import Checksum
 from jotlight.files import write_file
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.files.safe_paths import check_inside
 
 _NAME = re.compile(r"(0|[1-9]\d*)\.json")
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from jotlight.formats.locations import find_matches, is_glob, is_url, without_companions
+from jotlight.formats.opening.locations import find_matches, is_glob, is_url, without_companions
 
 _PLACE = "{name}"
 

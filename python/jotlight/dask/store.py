@@ -34,7 +34,7 @@ from jotlight.files import (
     flush_to_disk,
     write_file,
 )
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.files.safe_paths import check_inside
 from jotlight.formats.zarr.writing import import_zarr
 from jotlight.temporary_names import reserve_temporary
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.archives import read_npz
-from jotlight.formats.arrays import ARCHIVE_ERRORS
-from jotlight.formats.compressed import measure_gzip, open_gzip
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.files.safe_paths import check_inside
+from jotlight.formats.npy.archives import read_npz
+from jotlight.formats.npy.arrays import ARCHIVE_ERRORS
+from jotlight.formats.npy.compressed import measure_gzip, open_gzip
 
 ARCHIVE = "cifar-10-binary.tar.gz"
 RECORDS = 10_000

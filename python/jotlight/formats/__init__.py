@@ -1,21 +1,19 @@
 """Camera data in files: one module or folder per family of captures.
 
-``registry`` lists all formats, and ``format`` says what a format consists of. Then
+``registry`` lists all formats, and ``format`` says what a format consists of. ``capture`` is what
+a reader returns. Then
 
-* ``npy``, ``visionsim``, ``swissspad``, ``spad512s``, and the folders ``zarr``, ``hdf5``,
-  ``matlab``, and ``images`` each read and write one family;
-* ``detect`` finds the format of a file, ``opening`` opens it as its ``reading_options`` state,
-  ``reading`` returns it to the caller, ``scaled`` and ``with_mosaic`` add what the caller states
-  about it, and ``writing`` writes it;
-* ``checksums`` and ``verification`` detect changes of a file since jotlight wrote it;
-* ``capture``, ``count_stacks``, ``selection``, ``orientation``, and ``packing`` handle what was
-  read;
-* ``cube``, ``description``, ``labels``, and ``labeled`` keep the width, sensor, and provenance;
-* ``locations``, ``file_systems``, ``remote_files``, and ``remote`` open URLs and globs;
-* ``checked_reading`` computes the checksum of frames while they are read;
-* ``arrays``, ``archives``, ``compressed``, ``blocks``, ``file_reader``, ``raw``, and ``file_lists``
-  read bytes, and ``locks`` protects what threads share;
-* ``magic``, ``limits``, and ``safe_paths`` check files from untrusted sources.
+- ``swissspad``, ``spad512s``, ``visionsim``, and the folders ``npy``, ``hdf5``, ``matlab``,
+  ``images``, and ``zarr`` each read and write one family. ``raw`` helps those without a header;
+- ``reading`` is `jotlight.open`, ``writing`` is `jotlight.save`, and ``verification`` detects
+  changes of a file since jotlight wrote it.
+
+The folders, each of which imports only those before it, and some of the modules above:
+
+- ``files``: parts of files, at paths and URLs, and also from untrusted sources.
+- ``frames``: the frames and counts of a file, and its label.
+- ``npy``, ``hdf5``, ``matlab``, ``images``, ``zarr``: the families above.
+- ``opening``: which file is opened, and how.
 """
 
 from jotlight.formats.reading import open, open_capture

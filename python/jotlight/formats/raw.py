@@ -5,9 +5,9 @@ from pathlib import Path
 
 from jotlight.errors import counted, warn
 from jotlight.files import atomic_folder, atomic_write
-from jotlight.formats.compressed import Stream, measure_gzip, naming_file, open_gzip
-from jotlight.formats.file_reader import FileReader
-from jotlight.formats.magic import file_type
+from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.magic import file_type
+from jotlight.formats.npy.compressed import Stream, measure_gzip, naming_file, open_gzip
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames, Packed, concatenate, read_in_chunks

@@ -4,7 +4,7 @@ from jotlight.formats.format import Format, Writer
 from jotlight.formats.hdf5.captures import HDF5
 from jotlight.formats.images.captures import PNG, TIFF
 from jotlight.formats.matlab.captures import MATLAB
-from jotlight.formats.npy import NPY, NPY_GZ, NPZ
+from jotlight.formats.npy.captures import NPY, NPY_GZ, NPZ
 from jotlight.formats.spad512s import SPAD512S, SPAD512S_SPARSE
 from jotlight.formats.swissspad import SWISSSPAD2, SWISSSPAD2_FULL
 from jotlight.formats.visionsim import VISIONSIM

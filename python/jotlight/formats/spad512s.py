@@ -16,11 +16,12 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.errors import warn
-from jotlight.formats.file_lists import list_files, natural_sort_key
-from jotlight.formats.file_reader import FileReader
+from jotlight.formats.files.file_lists import list_files, natural_sort_key
+from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.magic import file_type
+from jotlight.formats.files.safe_paths import MAX_SEARCHED, list_below
 from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
-from jotlight.formats.magic import file_type
-from jotlight.formats.orientation import rotate_packed, transpose_packed
+from jotlight.formats.frames.orientation import rotate_packed, transpose_packed
 from jotlight.formats.raw import (
     EXTENSIONS,
     OTHER_EXTENSIONS,
@@ -29,7 +30,6 @@ from jotlight.formats.raw import (
     read_raw,
     write_raw,
 )
-from jotlight.formats.safe_paths import MAX_SEARCHED, list_below
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames, Packed, concatenate
 from jotlight.sensing.parameters.provenance import Provenance

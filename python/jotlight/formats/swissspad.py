@@ -13,7 +13,7 @@ import numpy as np
 
 import jotlight._engine as engine
 from jotlight.errors import warn
-from jotlight.formats.file_lists import list_files
+from jotlight.formats.files.file_lists import list_files
 from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
 from jotlight.formats.raw import EXTENSIONS, OTHER_EXTENSIONS, check_frame_size, read_raw, write_raw
 from jotlight.sensing.bits.bits import Bits

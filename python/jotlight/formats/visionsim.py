@@ -13,14 +13,14 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.files import atomic_folder
-from jotlight.formats.arrays import open_npy_array, write_npy
 from jotlight.formats.capture import Capture, CountStack
-from jotlight.formats.count_stacks import as_count_stack
+from jotlight.formats.files.safe_paths import check_inside, resolve_below
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.orientation import transpose_packed
-from jotlight.formats.packing import pack_lazily
-from jotlight.formats.safe_paths import check_inside, resolve_below
-from jotlight.formats.scaled import unscale
+from jotlight.formats.frames.count_stacks import as_count_stack
+from jotlight.formats.frames.orientation import transpose_packed
+from jotlight.formats.frames.packing import pack_lazily
+from jotlight.formats.frames.scaled import unscale
+from jotlight.formats.npy.arrays import open_npy_array, write_npy
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames, read_frames, read_in_chunks

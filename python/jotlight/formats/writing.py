@@ -13,7 +13,7 @@ from jotlight.argument_types import as_path
 from jotlight.checks import Counts, refuse_masked, to_array
 from jotlight.errors import warn
 from jotlight.files import refuse_folder
-from jotlight.formats.labels import make_counts_label
+from jotlight.formats.frames.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
 from jotlight.layout import MAX_CHANNELS
 from jotlight.parameter_names import check_choice

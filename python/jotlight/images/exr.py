@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
-from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.files.limits import check_claimed_size
 from jotlight.images.color import warn_about_transparent_pixels
 from jotlight.output_files import described_error
 

@@ -16,11 +16,11 @@ import numpy.typing as npt
 from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import positive_number
 from jotlight.files import refuse_folder
-from jotlight.formats.arrays import read_npy
+from jotlight.formats.files.limits import check_claimed_size
 from jotlight.formats.images.png_chunks import GRAYSCALE
 from jotlight.formats.images.png_notes import KEYWORD, read_png_note
 from jotlight.formats.images.tiff_directories import open_checked_tiff
-from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.npy.arrays import read_npy
 from jotlight.images.color import FloatImage, fit_channels, luma, warn_about_transparent_pixels
 from jotlight.images.exr import check_exr, read_exr, read_exr_comments, write_exr
 from jotlight.images.png import checked_png, read_png16, write_png16

@@ -11,12 +11,12 @@ import numpy.typing as npt
 from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import as_image, positive_number, refuse_image_path, shown
 from jotlight.errors import hide_warnings
-from jotlight.formats.archives import read_npz
-from jotlight.formats.arrays import open_npy_array
-from jotlight.formats.description import find_description
-from jotlight.formats.file_systems import explained, find_files, open_file_system
-from jotlight.formats.locations import is_url
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.files.file_systems import explained, find_files, open_file_system
+from jotlight.formats.files.safe_paths import check_inside
+from jotlight.formats.npy.archives import read_npz
+from jotlight.formats.npy.arrays import open_npy_array
+from jotlight.formats.npy.description import find_description
+from jotlight.formats.opening.locations import is_url
 from jotlight.images.io import read_image
 from jotlight.progress import Progress, check_progress, shown_progress
 from jotlight.sensing.bits.frames import Frames

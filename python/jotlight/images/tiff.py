@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.formats.files.limits import check_claimed_size
 from jotlight.formats.images.tiff_directories import move_samples_last, open_checked_tiff
 from jotlight.formats.images.tiff_layout import ALPHA
 from jotlight.formats.images.tiff_segments import check_segments
-from jotlight.formats.limits import check_claimed_size
 from jotlight.images.color import drop_transparency
 from jotlight.output_files import OutputFile
 

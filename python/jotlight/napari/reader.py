@@ -8,7 +8,7 @@ from typing import Any
 
 from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import CountStack
-from jotlight.formats.detect import detect_format
+from jotlight.formats.opening.detect import detect_format
 from jotlight.formats.raw import OTHER_EXTENSIONS
 from jotlight.formats.reading import as_readings, open_capture
 from jotlight.napari.lazy import LayerData, Reader, make_layer

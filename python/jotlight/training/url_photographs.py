@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from jotlight.formats.file_systems import explained, find_files, open_file_system
+from jotlight.formats.files.file_systems import explained, find_files, open_file_system
 from jotlight.images.io import read_image
 from jotlight.images.sets import ENDINGS
 from jotlight.training.photographs import (

@@ -11,8 +11,8 @@ from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.records.records import image_facts, maps_sha256, tone_facts
 from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.formats.capture import CountStack
-from jotlight.formats.checked_reading import with_checksum
-from jotlight.formats.locations import file_state, is_url
+from jotlight.formats.frames.checked_reading import with_checksum
+from jotlight.formats.opening.locations import file_state, is_url
 from jotlight.images.exr import check_exr
 from jotlight.images.io import image_writer
 from jotlight.motion.motion import Motion

@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.datasets import photograph
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.metrics import psnr
 from jotlight.networks.pretrained import CHANNELS_FILE
 

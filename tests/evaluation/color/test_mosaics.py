@@ -10,7 +10,7 @@ import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.estimators.demosaicing import demosaic
 from jotlight.evaluation.color.mosaics import count_image
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.networks.color.mosaic_planes import value_weights
 from jotlight.networks.pretrained import MOSAIC_FILE
 from jotlight.sensing.data.pixel_counts import count_pixels

@@ -4,7 +4,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.evaluation.records.weights import weights_sha256
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE
 
 GRAY = jl.Sensor(frames=16)

@@ -9,7 +9,7 @@ import pytest
 from scipy.io import savemat
 
 import jotlight as jl
-from jotlight.formats import limits
+from jotlight.formats.files import limits
 from jotlight.formats.matlab.sizes import check_streams
 
 HEADER = 128

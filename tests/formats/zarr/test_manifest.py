@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from examples.captures import BITS, BITS_WITH_MAPS, COUNTS, open_counts
-from jotlight.formats.checksums import seal
+from jotlight.formats.files.checksums import seal
 from jotlight.formats.verification import verify_capture
 from jotlight.formats.writing import write_capture
 from jotlight.formats.zarr import writing as module

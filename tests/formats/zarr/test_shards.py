@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.checksums import file_checksum, seal
+from jotlight.formats.files.checksums import file_checksum, seal
 from jotlight.formats.verification import verify_capture
 from jotlight.formats.zarr.shards import chunks_per_shard, parts_of_shard
 

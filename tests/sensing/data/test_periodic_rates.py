@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.calibration import find_periodic_rates
 from jotlight.datasets import photograph
-from jotlight.formats.selection import select
+from jotlight.formats.frames.selection import select
 from jotlight.sensing.data.periodic_rates import PeriodicRates
 from jotlight.sensing.parameters.mosaic import Mosaic
 

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from jotlight.formats.orientation import FLIPS, orient_image
+from jotlight.formats.frames.orientation import FLIPS, orient_image
 from jotlight.sensing.parameters.provenance import Provenance
 
 TURNS = list(itertools.product(range(4), (None, *FLIPS)))

@@ -17,8 +17,8 @@ from examples.encodings import (
     gzip_bytes,
 )
 from examples.reader import Reader
-from jotlight.formats.description import description_path
 from jotlight.formats.images.maps import read_mask
+from jotlight.formats.npy.description import description_path
 from jotlight.formats.writing import write_capture
 from jotlight.formats.zarr.manifest import BITS_ARRAY, MANIFEST
 

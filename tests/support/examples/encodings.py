@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jotlight.formats.checksums import is_sealed, seal
+from jotlight.formats.files.checksums import is_sealed, seal
 
 
 def npy_bytes(array, **options):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from jotlight.evaluation.choice import COLOR_NETWORK, FILM_NETWORK
 from jotlight.evaluation.methods import BLEND_METHOD
-from jotlight.formats.checksums import file_checksum
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.networks.color.mosaic_planes import plane_sensors
 from jotlight.networks.pretrained import (
     CHANNELS_FILE,

@@ -12,17 +12,17 @@ import numpy.typing as npt
 from jotlight.checks import Counts
 from jotlight.errors import needs_module, warn
 from jotlight.files import atomic_write
-from jotlight.formats.blocks import read_by_blocks
 from jotlight.formats.capture import Capture
-from jotlight.formats.checksums import file_checksum
-from jotlight.formats.file_reader import FileReader
+from jotlight.formats.files.checksums import file_checksum
+from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.limits import check_frame_size, describe_missing_chunks
+from jotlight.formats.files.magic import has_type
+from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.frames.blocks import read_by_blocks
+from jotlight.formats.frames.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import DataSet, Hdf5Library
-from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
-from jotlight.formats.limits import check_frame_size, describe_missing_chunks
-from jotlight.formats.magic import has_type
-from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
 from jotlight.interrupts import hold_signals
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits

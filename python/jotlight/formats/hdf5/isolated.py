@@ -14,9 +14,9 @@ from typing import Any, BinaryIO, cast
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.formats.files.remote_files import RemoteFile, RemoteStream, remote_file
 from jotlight.formats.hdf5 import library
 from jotlight.formats.hdf5.library import SECONDS, DataSet, receive, send
-from jotlight.formats.remote_files import RemoteFile, RemoteStream, remote_file
 
 _ERRORS = {
     each.__name__: each

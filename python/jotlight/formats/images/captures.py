@@ -10,11 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import Capture
-from jotlight.formats.checksums import check_appended, check_opened, missing_error
-from jotlight.formats.count_stacks import as_count_stack
-from jotlight.formats.file_lists import list_files
-from jotlight.formats.file_reader import FileReader
+from jotlight.formats.files.checksums import check_appended, check_opened, missing_error
+from jotlight.formats.files.file_lists import list_files
+from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.limits import check_claimed_size
+from jotlight.formats.files.magic import has_type
+from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
+from jotlight.formats.files.safe_paths import MAX_SEARCHED, list_below
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.frames.count_stacks import as_count_stack
+from jotlight.formats.frames.labels import COUNTS, READINGS, parse_label
+from jotlight.formats.frames.packing import pack_lazily
 from jotlight.formats.images.kept_directories import TiffSource
 from jotlight.formats.images.png_chunks import (
     GRAYSCALE,
@@ -33,12 +39,6 @@ from jotlight.formats.images.tiff_directories import (
 from jotlight.formats.images.tiff_layout import no_counts_error, note_about_axes
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.images.writing import write_png, write_tiff, write_tiff_readings
-from jotlight.formats.labels import COUNTS, READINGS, parse_label
-from jotlight.formats.limits import check_claimed_size
-from jotlight.formats.magic import has_type
-from jotlight.formats.packing import pack_lazily
-from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
-from jotlight.formats.safe_paths import MAX_SEARCHED, list_below
 from jotlight.layout import is_single_image
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import warn_about_axes

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from jotlight.formats.files.remote_files import remote_file
 from jotlight.formats.images.tiff_directories import open_checked_tiff
-from jotlight.formats.remote_files import remote_file
 
 _MANY = 16
 """Number of pages from which directories are kept. A folder may hold many files of few pages."""

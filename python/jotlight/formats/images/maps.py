@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.captures import read_png, read_tiff
+from jotlight.formats.npy.arrays import read_npy
 
 MAP_ENDINGS = ".npy", ".tif", ".tiff"
 """Ends of the names of files that hold a map of numbers."""

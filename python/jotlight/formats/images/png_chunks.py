@@ -7,7 +7,7 @@ import dataclasses
 import zlib
 from collections.abc import Iterator
 
-from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.files.limits import check_claimed_size
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 """First bytes of a PNG."""
@@ -72,7 +72,7 @@ def check_png(content: bytes, *, trailing: bool = False) -> PngHeader:
     ValueError
         When a chunk is damaged or missing, or the compressed levels are incomplete, do not fit
         their checksum, or have another size than the header states. When the image is much larger
-        than the file, see :func:`jotlight.formats.limits.check_frame_size`.
+        than the file, see :func:`jotlight.formats.files.limits.check_frame_size`.
 
     Examples
     --------

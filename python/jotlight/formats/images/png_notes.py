@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from jotlight.formats.remote_files import open_binary
+from jotlight.formats.files.remote_files import open_binary
 
 KEYWORD = "Description"
 """Keyword of the text in a PNG that holds the note as JSON."""

@@ -9,8 +9,8 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.magic import ByteOrder
-from jotlight.formats.remote_files import open_binary, remote_file
+from jotlight.formats.files.magic import ByteOrder
+from jotlight.formats.files.remote_files import open_binary, remote_file
 
 _TYPE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
 _TYPE_BYTES |= {16: 8, 17: 8, 18: 8}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.formats.limits import check_frame_size
+from jotlight.formats.files.limits import check_frame_size
 
 _STREAMS: dict[int, Callable[[], Any]] = {
     8: zlib.decompressobj,

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from jotlight.checks import Counts
 from jotlight.files import atomic_write
-from jotlight.formats.checksums import append_checksum
-from jotlight.formats.labels import make_readings_label
+from jotlight.formats.files.checksums import append_checksum
+from jotlight.formats.frames.labels import make_readings_label
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.readings import Readings
 

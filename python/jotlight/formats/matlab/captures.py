@@ -14,16 +14,16 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.files import atomic_folder
 from jotlight.formats.capture import Capture
-from jotlight.formats.checksums import check_seal, file_checksum, is_sealed, seal
-from jotlight.formats.count_stacks import as_count_stack
-from jotlight.formats.file_lists import natural_sort_key
+from jotlight.formats.files.checksums import check_seal, file_checksum, is_sealed, seal
+from jotlight.formats.files.file_lists import natural_sort_key
+from jotlight.formats.files.magic import has_type
+from jotlight.formats.files.safe_paths import check_inside
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.frames.count_stacks import as_count_stack
+from jotlight.formats.frames.packing import pack_lazily
 from jotlight.formats.hdf5.captures import load_library
-from jotlight.formats.magic import has_type
 from jotlight.formats.matlab.files import VARIABLE, open_mat
 from jotlight.formats.matlab.sizes import COMPRESSED, HEADER_BYTES
-from jotlight.formats.packing import pack_lazily
-from jotlight.formats.safe_paths import check_inside
 from jotlight.interrupts import interruptible
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import SeveralArraysError
-from jotlight.formats.checksums import check_file, differs_error
-from jotlight.formats.file_reader import FileReader
+from jotlight.formats.files.checksums import check_file, differs_error
+from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.limits import check_claimed_size
+from jotlight.formats.files.locks import ProcessLock
+from jotlight.formats.files.magic import has_type
+from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
 from jotlight.formats.hdf5.captures import Library, list_data_sets
-from jotlight.formats.limits import check_claimed_size
-from jotlight.formats.locks import ProcessLock
-from jotlight.formats.magic import has_type
 from jotlight.formats.matlab.sizes import check_sizes, check_streams, extract_variable
-from jotlight.formats.remote_files import open_binary, raise_failure, remote_file
 from jotlight.sensing.bits.frames import Frames
 
 VARIABLE = "OUTPUT"

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from jotlight.formats.limits import check_claimed_size
-from jotlight.formats.magic import ByteOrder
-from jotlight.formats.remote_files import open_binary
+from jotlight.formats.files.limits import check_claimed_size
+from jotlight.formats.files.magic import ByteOrder
+from jotlight.formats.files.remote_files import open_binary
 
 COMPRESSED = 15
 """Type of a compressed variable."""

@@ -13,14 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import ChangedFileError
-from jotlight.formats.blocks import read_by_blocks
 from jotlight.formats.capture import Capture
-from jotlight.formats.file_reader import FileReader
+from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.limits import check_frame_size, describe_missing_chunks
+from jotlight.formats.files.remote_files import raise_failure
+from jotlight.formats.files.safe_paths import list_below
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.labeled import ATTRIBUTE, StoredArray, open_stored_array
-from jotlight.formats.limits import check_frame_size, describe_missing_chunks
-from jotlight.formats.remote_files import raise_failure
-from jotlight.formats.safe_paths import list_below
+from jotlight.formats.frames.blocks import read_by_blocks
+from jotlight.formats.frames.labeled import ATTRIBUTE, StoredArray, open_stored_array
 from jotlight.formats.zarr.manifest import (
     MANIFEST,
     MANIFESTS,

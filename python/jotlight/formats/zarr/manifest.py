@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jotlight.formats.checksums import check_file, check_seal, file_checksum, seal
-from jotlight.formats.file_reader import FileReader
-from jotlight.formats.remote_files import open_binary
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.files.checksums import check_file, check_seal, file_checksum, seal
+from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.remote_files import open_binary
+from jotlight.formats.files.safe_paths import check_inside
 from jotlight.formats.zarr.shards import (
     CHECKSUM_BYTES,
     chunks_per_shard,

@@ -12,8 +12,8 @@ from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import LocalStore, StorePath
 
 from jotlight.errors import ChangedFileError
-from jotlight.formats.file_reader import FileReader
-from jotlight.formats.remote_files import RemoteFile, remote_file
+from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.remote_files import RemoteFile, remote_file
 from jotlight.formats.zarr.codecs import ChunkSizes, bound_codecs
 from jotlight.formats.zarr.manifest import MAX_METADATA_BYTES, METADATA_FILES
 from jotlight.formats.zarr.shards import check_index, index_bytes, is_shard, parts_of_shard

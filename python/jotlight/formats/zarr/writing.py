@@ -13,8 +13,8 @@ import numpy.typing as npt
 from jotlight.checks import Counts
 from jotlight.errors import import_extra
 from jotlight.files import atomic_folder
-from jotlight.formats.labeled import ATTRIBUTE, bits_label
-from jotlight.formats.labels import COUNTS, VERSION
+from jotlight.formats.frames.labeled import ATTRIBUTE, bits_label
+from jotlight.formats.frames.labels import COUNTS, VERSION
 from jotlight.formats.zarr.manifest import BITS_ARRAY, write_manifest
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames

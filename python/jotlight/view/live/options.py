@@ -15,7 +15,7 @@ from jotlight.calibration import Calibration
 from jotlight.calibration.stated_sensor import stated_sensor
 from jotlight.formats.capture import assumed_sensor_note
 from jotlight.formats.format import FrameLayout
-from jotlight.formats.locations import STANDARD_INPUT
+from jotlight.formats.opening.locations import STANDARD_INPUT
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
 from jotlight.parameter_names import check_choice

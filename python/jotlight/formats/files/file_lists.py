@@ -1,0 +1,61 @@
+"""The files of a capture that is a folder, in natural order."""
+
+import re
+from pathlib import Path
+
+from jotlight.formats.files.safe_paths import list_below
+
+_MAX_FILES = 1_000_000
+"""Maximum number of files in a capture."""
+
+
+def natural_sort_key(path: Path) -> tuple[tuple[int, int, str], ...]:
+    """Return a key that sorts `RAW2.bin` before `RAW10.bin`, in each folder of the path.
+
+    Examples
+    --------
+    >>> [path.name for path in sorted(map(Path, ["a10", "a9", "b1"]), key=natural_sort_key)]
+    ['a9', 'a10', 'b1']
+    """
+    return tuple(
+        (1, 0, word) if index % 2 == 0 else (0, int(word), "")
+        for part in path.parts
+        for index, word in enumerate(re.split(r"([0-9]+)", part))
+        if word
+    )
+
+
+def list_files(path: Path, extensions: tuple[str, ...], kind: str) -> list[Path]:
+    """Return the file itself, or all files in a folder and below it, in natural order.
+
+    Parameters
+    ----------
+    path : path
+        A file or a folder.
+    extensions : tuple of str
+        Extensions of the files in a folder, in lower case. Hidden files are ignored.
+    kind : str
+        Kind of the files, for messages.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is nothing at the path.
+    ValueError
+        When a folder has no such file, or too many, or a link in it leads out of it.
+    """
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise FileNotFoundError(f"there is no file or folder {path}")
+    found = []
+    for file in list_below(path, extensions):
+        if file.name[0] != ".":
+            found.append(file)
+        if len(found) > _MAX_FILES:
+            raise ValueError(f"{path}: expected at most {_MAX_FILES} files, got more")
+    if not found:
+        raise ValueError(
+            f"{path}: expected a folder with {kind} files ({extensions[0]}), got none in it"
+        )
+    return sorted(found, key=lambda file: natural_sort_key(file.relative_to(path)))

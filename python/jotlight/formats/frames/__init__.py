@@ -1,0 +1,10 @@
+"""The frames and counts of a file, and its label.
+
+In reading order:
+
+- ``labels``, ``labeled``: the sensor and the provenance of arrays. ``count_stacks``: arrays of
+  counts as captures. ``blocks``: frames that are stored in blocks.
+- ``packing``: frames of one bit per number. ``orientation``, ``selection``: rotation, and some of
+  the frames. ``scaled``, ``with_mosaic``: what the caller states about frames.
+- ``checked_reading``: the checksum of frames, computed while they are read.
+"""
