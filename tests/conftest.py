@@ -81,7 +81,8 @@ def run(monkeypatch, tmp_path, capsys):
     from cyclopts import App
 
     from assembled_options import assemble_once
-    from jotlight.cli import app, console
+    from jotlight.cli import app
+    from jotlight.cli.terminal import console
 
     monkeypatch.chdir(tmp_path)
     # Rich breaks lines at the terminal's width.

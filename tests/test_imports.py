@@ -47,6 +47,12 @@ def test_the_longest_chain_of_units_is_short(imports):
 @pytest.mark.parametrize(
     ("package", "order"),
     [
+        ("cli", "terminal captures options reports reconstruction runs training"),
+        (
+            "estimators",
+            "inverse_response planning mle iterative inpaint demosaicing vst merge_readings "
+            "uncertainty readings photon_counters",
+        ),
         (
             "evaluation",
             "methods many_trials held_out choice records contradictions color intervals",
@@ -54,6 +60,11 @@ def test_the_longest_chain_of_units_is_short(imports):
         (
             "formats",
             "capture format files frames raw npy hdf5 matlab images zarr registry opening",
+        ),
+        (
+            "motion",
+            "tiles motion labels counts displacements agreement outlines posterior merging merge "
+            "align films",
         ),
         (
             "networks",

@@ -11,7 +11,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.cli.app import COMMANDS, app
-from jotlight.cli.examples import EXAMPLES
+from jotlight.cli.terminal.examples import EXAMPLES
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from PIL import Image
 
 import jotlight as jl
 from folders import file_names
-from jotlight.cli import console
+from jotlight.cli.terminal import console
 from jotlight.evaluation.methods import METHODS
 
 ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}

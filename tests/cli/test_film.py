@@ -9,7 +9,7 @@ from PIL import Image
 
 import jotlight as jl
 from folders import file_names
-from jotlight.cli import console
+from jotlight.cli.terminal import console
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.methods import METHODS
 from jotlight.motion.films.estimates import estimate_film

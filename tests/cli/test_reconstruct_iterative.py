@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.cli import console
+from jotlight.cli.terminal import console
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import read_image
 

@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.sensor_options import CapturedSensorOptions
 from jotlight.cli.view import _open
 from jotlight.formats.capture import assumed_sensor_note
 from jotlight.view.recipe import recipe

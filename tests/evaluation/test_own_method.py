@@ -28,7 +28,7 @@ def fails_in_two_lines(bits):
     raise ValueError("first line\\nsecond line")
 
 def is_stopped(bits):
-    from jotlight.cli.signals import StoppedBySignalError
+    from jotlight.cli.terminal.signals import StoppedBySignalError
     raise StoppedBySignalError(143)
 """
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.cli.app import app, run
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.sensor_options import CapturedSensorOptions
 from jotlight.cli.view import _open
 from jotlight.view.estimate import estimate
 from jotlight.view.recipe import recipe

@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.sensor_options import CapturedSensorOptions
 from jotlight.cli.view import _open
 from jotlight.images.io import read_note
 from jotlight.view.saving import save_view

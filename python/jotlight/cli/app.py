@@ -21,28 +21,28 @@ from cyclopts import convert as convert_tokens
 
 from jotlight._engine import __version__
 from jotlight.cli.calibrate import calibrate
-from jotlight.cli.common_options import convert_file
 from jotlight.cli.compare import compare
-from jotlight.cli.console import err, error, out, show_warning
 from jotlight.cli.convert import convert
 from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
-from jotlight.cli.examples import EXAMPLES, USAGES, help_epilogue, overview_epilogue
 from jotlight.cli.film import film
 from jotlight.cli.fine_tune import fine_tune
 from jotlight.cli.gather import gather
 from jotlight.cli.info import info
+from jotlight.cli.options.common_options import convert_file
 from jotlight.cli.plan import plan
 from jotlight.cli.reconstruct import reconstruct
 from jotlight.cli.reproduce import reproduce
-from jotlight.cli.signals import (
+from jotlight.cli.simulate import simulate
+from jotlight.cli.terminal.console import err, error, out, show_warning
+from jotlight.cli.terminal.examples import EXAMPLES, USAGES, help_epilogue, overview_epilogue
+from jotlight.cli.terminal.signals import (
     STOPPED_BY_SIGNAL,
     StoppedBySignalError,
     end_at_once,
     exit_on_signals,
     silence_pending_tasks,
 )
-from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
 from jotlight.cli.view import view
 from jotlight.errors import counted, error_message

@@ -10,11 +10,11 @@ from cyclopts import Parameter
 from jotlight.calibration import Calibration
 from jotlight.calibration import calibrate as estimate_calibration
 from jotlight.calibration.calibrate import MAX_DARK
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import check_outputs_of, check_trials, provenance_notes
-from jotlight.cli.common_options import CAPTURE_PANEL, Threads, convert_file
-from jotlight.cli.console import progress, report
-from jotlight.cli.sensor_values import read_mosaic
+from jotlight.cli.captures.captured import check_outputs_of, check_trials, provenance_notes
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.common_options import CAPTURE_PANEL, Threads, convert_file
+from jotlight.cli.options.sensor_values import read_mosaic
+from jotlight.cli.terminal.console import progress, report
 from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits.bits import Bits

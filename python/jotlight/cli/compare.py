@@ -9,10 +9,10 @@ import numpy.typing as npt
 from cyclopts import Parameter
 from rich.table import Table
 
-from jotlight.cli.common_options import NAMES, OWN, Gray, Model, Photo, Seed, Threads, White
-from jotlight.cli.console import out, progress, report
-from jotlight.cli.method_options import split_names
-from jotlight.cli.sensor_options import ExposureOptions
+from jotlight.cli.options.common_options import NAMES, OWN, Gray, Model, Photo, Seed, Threads, White
+from jotlight.cli.options.method_options import split_names
+from jotlight.cli.options.sensor_options import ExposureOptions
+from jotlight.cli.terminal.console import out, progress, report
 from jotlight.evaluation.choice import network_name
 from jotlight.evaluation.compare import COLUMNS, Comparison, default_methods
 from jotlight.evaluation.compare import compare as compare_by_title

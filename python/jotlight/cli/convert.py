@@ -7,10 +7,10 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from jotlight._engine import __version__
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import check_outputs_of, provenance_notes
-from jotlight.cli.console import progress, report, shape_text
-from jotlight.cli.run_options import CapturePaths, RunOptions, name_output
+from jotlight.cli.captures.captured import check_outputs_of, provenance_notes
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.run_options import CapturePaths, RunOptions, name_output
+from jotlight.cli.terminal.console import progress, report, shape_text
 from jotlight.dask.jobs import conversion_record, conversion_text
 from jotlight.dask.records import read_json
 from jotlight.files import atomic_write, write_file
@@ -73,8 +73,8 @@ def _convert_many(
     run: RunOptions,
 ) -> None:
     """Convert many captures, or one to counts of its windows."""
-    from jotlight.cli.capture_jobs import Target, conversion_job
-    from jotlight.cli.many import process
+    from jotlight.cli.runs.capture_jobs import Target, conversion_job
+    from jotlight.cli.runs.many import process
     from jotlight.dask.capture_source import CaptureSource
     from jotlight.dask.jobs import Job
 

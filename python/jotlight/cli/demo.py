@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from jotlight.cli.compare import run_comparison
-from jotlight.cli.console import report
+from jotlight.cli.terminal.console import report
 from jotlight.datasets import PHOTOGRAPHS, photograph
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.run_methods import select_methods

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.table import Table
 
-from jotlight.cli.common_options import (
+from jotlight.cli.options.common_options import (
     NAMES,
     OWN,
     ImageKey,
@@ -18,9 +18,9 @@ from jotlight.cli.common_options import (
     Threads,
     White,
 )
-from jotlight.cli.console import out, progress, report
-from jotlight.cli.method_options import one_method
-from jotlight.cli.sensor_options import EvaluatedSensorOptions
+from jotlight.cli.options.method_options import one_method
+from jotlight.cli.options.sensor_options import EvaluatedSensorOptions
+from jotlight.cli.terminal.console import out, progress, report
 from jotlight.errors import counted, hide_warnings
 from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method

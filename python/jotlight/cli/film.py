@@ -11,20 +11,20 @@ import numpy.typing as npt
 from cyclopts import Parameter
 
 from jotlight.chunks import windows
-from jotlight.cli.advice import caution_about_motion, representatives
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.color_choice import has_colors, without_demosaicing
-from jotlight.cli.common_options import Threads, convert_file
-from jotlight.cli.console import progress, report
-from jotlight.cli.film_report import FilmSummary, film_lines
-from jotlight.cli.inputs import Inputs, Reconstruction
-from jotlight.cli.jot_checks import caution_about_jots
-from jotlight.cli.method_options import MethodOptions
-from jotlight.cli.motion_options import FilmMotionOptions
-from jotlight.cli.output_options import FilmOptions
-from jotlight.cli.reconstruction import Brightness, report_assumptions
-from jotlight.cli.records import Records, origin_of
-from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.captures.color_choice import has_colors, without_demosaicing
+from jotlight.cli.captures.jot_checks import caution_about_jots
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.common_options import Threads, convert_file
+from jotlight.cli.options.method_options import MethodOptions
+from jotlight.cli.options.motion_options import FilmMotionOptions
+from jotlight.cli.options.output_options import FilmOptions
+from jotlight.cli.options.sensor_options import CapturedSensorOptions
+from jotlight.cli.reconstruction.film_report import FilmSummary, film_lines
+from jotlight.cli.reconstruction.inputs import Inputs, Reconstruction
+from jotlight.cli.reconstruction.reconstruction import Brightness, report_assumptions
+from jotlight.cli.reconstruction.records import Records, origin_of
+from jotlight.cli.reports.advice import caution_about_motion, representatives
+from jotlight.cli.terminal.console import progress, report
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.choice import FILM_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct

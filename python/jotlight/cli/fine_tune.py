@@ -10,15 +10,15 @@ from cyclopts import Parameter
 
 import jotlight.plots as plots
 from jotlight.calibration import Calibration
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import Captured, add_sensor, check_outputs_of
-from jotlight.cli.common_options import NETWORK_PANEL, CapturePath
-from jotlight.cli.console import caution, report, silenced
-from jotlight.cli.jot_checks import mask_hot_jots
-from jotlight.cli.learners import check_device, describe_kind
-from jotlight.cli.sensor_options import TunedSensorOptions
-from jotlight.cli.training_options import FineTuningOptions
-from jotlight.cli.training_run import (
+from jotlight.cli.captures.captured import Captured, add_sensor, check_outputs_of
+from jotlight.cli.captures.jot_checks import mask_hot_jots
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.common_options import NETWORK_PANEL, CapturePath
+from jotlight.cli.options.sensor_options import TunedSensorOptions
+from jotlight.cli.terminal.console import caution, report, silenced
+from jotlight.cli.training.learners import check_device, describe_kind
+from jotlight.cli.training.training_options import FineTuningOptions
+from jotlight.cli.training.training_run import (
     checkpoint_path,
     prepare_run,
     report_training,

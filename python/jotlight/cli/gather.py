@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from jotlight.cli.console import progress, report
+from jotlight.cli.terminal.console import progress, report
 from jotlight.errors import counted
 from jotlight.formats.opening.locations import expand
 

@@ -11,13 +11,12 @@ from rich.table import Table
 
 from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
-from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.common_options import convert_file
-from jotlight.cli.console import out, progress, shape_text, with_options_only
-from jotlight.cli.jot_checks import jot_remarks
-from jotlight.cli.network_facts import layers_table, network_facts, training_runs
-from jotlight.cli.origins import (
+from jotlight.cli.captures.jot_checks import jot_remarks
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.common_options import convert_file
+from jotlight.cli.reports.capture_facts import bits_facts, notes, readings_facts
+from jotlight.cli.reports.network_facts import layers_table, network_facts, training_runs
+from jotlight.cli.reports.origins import (
     film_facts,
     is_film,
     origin_facts,
@@ -25,6 +24,7 @@ from jotlight.cli.origins import (
     verify_video,
     video_facts,
 )
+from jotlight.cli.terminal.console import out, progress, shape_text, with_options_only
 from jotlight.files import check_outputs
 from jotlight.formats import open_capture
 from jotlight.formats.capture import Capture, CountStack

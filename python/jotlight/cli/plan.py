@@ -9,8 +9,8 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from jotlight.calibration import Calibration
-from jotlight.cli.console import out, report
-from jotlight.cli.sensor_options import PlannedSensorOptions
+from jotlight.cli.options.sensor_options import PlannedSensorOptions
+from jotlight.cli.terminal.console import out, report
 from jotlight.errors import counted, plural
 from jotlight.estimators.planning.planned_motion import MAX_SUM, MIN_FRAMES, MotionPlan
 from jotlight.estimators.planning.planning import Plan

@@ -3,17 +3,17 @@
 from dataclasses import fields, replace
 from pathlib import Path
 
-from jotlight.cli.advice import caution_about_motion
-from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.common_options import Threads
-from jotlight.cli.inputs import Inputs
-from jotlight.cli.jot_checks import caution_about_jots
-from jotlight.cli.method_options import MethodOptions
-from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions
-from jotlight.cli.output_options import ImageOutputOptions, OutputOptions
-from jotlight.cli.reconstruction import reconstruct_image
-from jotlight.cli.run_options import CapturePaths, RunOptions, name_output
-from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.captures.jot_checks import caution_about_jots
+from jotlight.cli.options.capture_options import CaptureOptions
+from jotlight.cli.options.common_options import Threads
+from jotlight.cli.options.method_options import MethodOptions
+from jotlight.cli.options.motion_options import ImageMotionOptions, MotionOptions
+from jotlight.cli.options.output_options import ImageOutputOptions, OutputOptions
+from jotlight.cli.options.run_options import CapturePaths, RunOptions, name_output
+from jotlight.cli.options.sensor_options import CapturedSensorOptions
+from jotlight.cli.reconstruction.inputs import Inputs
+from jotlight.cli.reconstruction.reconstruction import reconstruct_image
+from jotlight.cli.reports.advice import caution_about_motion
 from jotlight.evaluation.uncertainty import check_errors_known
 from jotlight.formats.opening.locations import is_url
 from jotlight.images.io import image_writer
@@ -98,8 +98,8 @@ def _reconstruct_many(
     threads: int | None,
 ) -> None:
     """Reconstruct many captures, or the windows of one."""
-    from jotlight.cli.capture_jobs import Target, check_image_name, reconstruction_job
-    from jotlight.cli.many import process
+    from jotlight.cli.runs.capture_jobs import Target, check_image_name, reconstruction_job
+    from jotlight.cli.runs.many import process
     from jotlight.dask.capture_source import CaptureSource
     from jotlight.dask.jobs import Job
     from jotlight.dask.names import find_captures

@@ -8,9 +8,9 @@ from cyclopts import Parameter
 from rich.markup import escape
 from rich.table import Table
 
-from jotlight.cli.common_options import OWN, Threads
-from jotlight.cli.console import err, out, progress, report
-from jotlight.cli.method_options import split_names
+from jotlight.cli.options.common_options import OWN, Threads
+from jotlight.cli.options.method_options import split_names
+from jotlight.cli.terminal.console import err, out, progress, report
 from jotlight.evaluation.own_method import import_method
 from jotlight.parameter_names import check_choice
 

@@ -10,9 +10,9 @@ import numpy.typing as npt
 from cyclopts import Parameter
 
 from jotlight.checks import as_image
-from jotlight.cli.common_options import MOTION_PANEL, Gray, Photo, Seed, Threads, White
-from jotlight.cli.console import caution, progress, report
-from jotlight.cli.sensor_options import ExposureOptions
+from jotlight.cli.options.common_options import MOTION_PANEL, Gray, Photo, Seed, Threads, White
+from jotlight.cli.options.sensor_options import ExposureOptions
+from jotlight.cli.terminal.console import caution, progress, report
 from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
 from jotlight.datasets.moving_scenes.tables import read_poses
 from jotlight.files import atomic_write, check_outputs

@@ -8,11 +8,12 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import jotlight.plots as plots
-from jotlight.cli.capture_options import TargetCaptureOptions
-from jotlight.cli.captured import check_outputs_of
-from jotlight.cli.common_options import CAPTURE_PANEL, TRAINING_PANEL, convert_file
-from jotlight.cli.console import caution, report, silenced
-from jotlight.cli.learners import (
+from jotlight.cli.captures.captured import check_outputs_of
+from jotlight.cli.options.capture_options import TargetCaptureOptions
+from jotlight.cli.options.common_options import CAPTURE_PANEL, TRAINING_PANEL, convert_file
+from jotlight.cli.options.sensor_options import TrainedSensorOptions
+from jotlight.cli.terminal.console import caution, report, silenced
+from jotlight.cli.training.learners import (
     Learner,
     deep_learner,
     describe_kind,
@@ -22,21 +23,20 @@ from jotlight.cli.learners import (
     refuse_options_of_others,
     two_layer_learner,
 )
-from jotlight.cli.sensor_options import TrainedSensorOptions
-from jotlight.cli.training_data import (
+from jotlight.cli.training.training_data import (
     SYNTHETIC,
     files_of,
     read_training_images,
     read_training_sensor,
     scale_scenes,
 )
-from jotlight.cli.training_options import (
+from jotlight.cli.training.training_options import (
     TRAINING_SECONDS,
     ImageOptions,
     NetworkOptions,
     TrainingOptions,
 )
-from jotlight.cli.training_run import (
+from jotlight.cli.training.training_run import (
     checkpoint_path,
     prepare_run,
     report_training,

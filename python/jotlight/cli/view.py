@@ -8,12 +8,16 @@ from typing import Annotated, Any
 from cyclopts import Group, Parameter
 
 from jotlight.calibration import Calibration
-from jotlight.cli.capture_options import CaptureOptions, ViewedCaptureOptions, parse_frame_range
-from jotlight.cli.captured import Captured, add_sensor
-from jotlight.cli.common_options import convert_file
-from jotlight.cli.console import caution, report
-from jotlight.cli.jot_checks import mask_hot_jots
-from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.captures.captured import Captured, add_sensor
+from jotlight.cli.captures.jot_checks import mask_hot_jots
+from jotlight.cli.options.capture_options import (
+    CaptureOptions,
+    ViewedCaptureOptions,
+    parse_frame_range,
+)
+from jotlight.cli.options.common_options import convert_file
+from jotlight.cli.options.sensor_options import CapturedSensorOptions
+from jotlight.cli.terminal.console import caution, report
 from jotlight.formats.capture import CountStack
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.images.maps import is_map, read_map, read_mask

@@ -9,7 +9,7 @@ import jotlight as jl
 from examples.encodings import PNG_CHECKSUMS
 from examples.models import save_calibration
 from examples.reader import Reader
-from jotlight.cli.applied_calibration import AppliedCalibration
+from jotlight.cli.captures.applied_calibration import AppliedCalibration
 from jotlight.experiments import EXPERIMENTS
 from jotlight.experiments.experiment import Data, RunContext
 from jotlight.experiments.png import decode_png, encode_png

@@ -1,0 +1,101 @@
+"""Facts about captures, as rows of a table."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.calibration.hot_jots import hot_jots_unknown_reason
+from jotlight.cli.captures.jot_checks import jot_remarks
+from jotlight.cli.terminal.console import progress
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.readings import Readings
+from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.sensor import Sensor
+
+Mask = npt.NDArray[np.bool_]
+"""True marks a dead jot, (H, W)."""
+
+
+def notes(capture: Capture) -> list[tuple[str, str]]:
+    """Return the assumptions about a file, and the files from which it was converted.
+
+    Of a stack of images of counts, the sum is shown.
+    """
+    is_summed = isinstance(capture, CountStack) and capture.sensor is None
+    provenance = capture.sum_provenance if is_summed else capture.provenance
+    facts: list[tuple[str, str]] = []
+    for step in provenance.lineage() if provenance is not None else ():
+        if step is not provenance:
+            facts.append(("from", f"{step.format}, {step.name}"))
+        facts += [("" if index else "assumed", note) for index, note in enumerate(step.notes)]
+    return facts
+
+
+def bits_facts(bits: Bits) -> list[tuple[str, str]]:
+    """Return the facts about bits."""
+    with progress(1) as begin:
+        counts = bits.counts(1, progress=begin("counting"))
+    frames, height, width, *channels = bits.shape
+    sensor = carried_sensor(bits)
+    mask = None if sensor is None else sensor.mask
+    live = _live_jots(counts, mask)
+    facts = [
+        ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
+        *([("format", bits.provenance.format)] if bits.provenance is not None else []),
+        ("frames", str(frames)),
+        ("jots", f"{height} x {width}"),
+        ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
+        ("ones", f"{live.sum(dtype=np.int64) / max(live.size * frames, 1):.3%}{_of_live(mask)}"),
+    ]
+    assumed = sensor or Sensor(frames=frames)
+    is_unknown = hot_jots_unknown_reason(bits, assumed) is not None
+    jots = [] if is_unknown else jot_remarks(counts, frames, assumed)
+    if sensor is None:
+        return [*facts, ("sensor", "not stated"), *jots]
+    pixels = f"{height // sensor.oversampling} x {width // sensor.oversampling}"
+    return [
+        *facts,
+        ("sensor", repr(sensor)),
+        ("pixels", f"{pixels}, {_bits_of_pixels(sensor)} each"),
+        *jots,
+    ]
+
+
+def _live_jots(values: npt.NDArray[np.integer], mask: Mask | None) -> npt.NDArray[np.integer]:
+    """Return the values of the jots that are not dead, of values (H, W) or (H, W, C)."""
+    return values if mask is None else values[~mask]
+
+
+def _of_live(mask: Mask | None) -> str:
+    """Return that a fraction is one of live jots, if others are dead."""
+    return "" if mask is None else " (live jots)"
+
+
+def _bits_of_pixels(sensor: Sensor) -> str:
+    """Return how many bits a pixel has, without those of dead jots."""
+    if sensor.mask is None:
+        return f"{sensor.trials} bits"
+    trials = sensor.frames * Bits.from_array(~sensor.mask).counts(sensor.oversampling)
+    low, high = trials.min(), trials.max()
+    return f"{low if low == high else f'{low} to {high}'} valid bits"
+
+
+def readings_facts(readings: Readings) -> list[tuple[str, str]]:
+    """Return the facts about readings of several bits."""
+    sensor, highest = readings.sensor, 2**readings.sensor.bit_depth - 1
+    total, largest, mask = 0, 0, sensor.maps().get("mask")
+    for start in range(len(readings)):
+        frame = _live_jots(readings[start], mask)
+        total += int(frame.sum(dtype=np.int64))
+        largest += int((frame == highest).sum())
+    frames, height, width, *_ = readings.shape
+    number = max(frame.size * frames, 1)
+    return [
+        ("kind", f"readings of {sensor.bit_depth} bits"),
+        *([] if readings.provenance is None else [("format", readings.provenance.format)]),
+        ("frames", str(frames)),
+        ("jots", f"{height} x {width}"),
+        ("mean", f"{total / number:.4g} of {highest}{_of_live(mask)}"),
+        ("largest", f"{largest / number:.3%} of the readings are {highest}"),
+        ("sensor", repr(sensor)),
+    ]

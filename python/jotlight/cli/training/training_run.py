@@ -1,0 +1,130 @@
+"""A training run: its checkpoint, its progress, and the files it writes."""
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from rich.markup import escape
+
+import jotlight.plots as plots
+from jotlight.cli.terminal.console import err, print_steps, report
+from jotlight.cli.training.training_options import TrainingOptions
+from jotlight.errors import hide_warnings
+from jotlight.files import atomic_write, delete_file, remove_leftovers
+from jotlight.networks.network import Network
+from jotlight.sensing.parameters.intensity_scale import MEANING
+from jotlight.training import History
+
+
+def checkpoint_path(output: Path) -> Path:
+    """Return the file that keeps a stopped run.
+
+    Raises
+    ------
+    ValueError
+        When the output is not named as a network.
+    """
+    if output.suffix.lower() != ".safetensors" or output.stem.endswith(".checkpoint"):
+        raise ValueError(
+            f"{output}: expected a name that ends in .safetensors, but not in "
+            ".checkpoint.safetensors, which is for stopped runs"
+        )
+    return output.with_suffix(".checkpoint.safetensors")
+
+
+def prepare_run(options: TrainingOptions) -> None:
+    """Remove what killed runs left, and check that a stopped run and the options fit together.
+
+    Raises
+    ------
+    OSError, ValueError
+        When they do not.
+    """
+    checkpoint = checkpoint_path(options.output)
+    for path in filter(None, (options.output, checkpoint, options.plot)):
+        if path.parent.is_dir():
+            remove_leftovers(path)
+    if options.resume and options.restart:
+        raise ValueError("--resume and --restart: expected one of them, got both")
+    if checkpoint.exists() and not (options.resume or options.restart):
+        raise ValueError(
+            f"{checkpoint}: a run to this output was stopped; add --resume to continue it, or "
+            "--restart to discard it"
+        )
+    if options.resume and not checkpoint.exists():
+        raise FileNotFoundError(f"there is no stopped run to resume: no file {checkpoint}")
+
+
+def run_training(
+    train: Callable[..., tuple[Network, History]],
+    options: TrainingOptions,
+    *,
+    title: str,
+    steps: int,
+    remedy: str,
+    provenance: dict[str, str],
+) -> tuple[History, float]:
+    """Train a network, write it and its figure, and return its history and its duration.
+
+    Parameters
+    ----------
+    train : callable
+        Takes `callback` and `progress`.
+    options : TrainingOptions
+        Files to write.
+    title : str
+        Text that says which network is trained.
+    steps : int
+        Number of steps of the run.
+    remedy : str
+        Option to lower when the run diverges.
+    provenance : dict
+        Facts to add to the history of the network.
+
+    Returns
+    -------
+    history : History
+    seconds : float
+        Duration of the run.
+    """
+    start = time.perf_counter()
+    checkpoint = checkpoint_path(options.output)
+    # The files are created now, to reveal a folder that cannot be written before any work.
+    with contextlib.ExitStack() as files:
+        temporary = files.enter_context(atomic_write(options.output))
+        figure = None if options.plot is None else files.enter_context(atomic_write(options.plot))
+        # The files of the images were checked when they were read.
+        with _explain_stop(checkpoint, remedy), hide_warnings(MEANING):
+            network, history = train(callback=print_steps(title, steps), progress=True)
+            network.history.update(provenance)
+            network.save(temporary)
+            if figure is not None:
+                plots.save_figure(plots.training(network, history), figure)
+    delete_file(checkpoint)
+    return history, time.perf_counter() - start
+
+
+def report_training(text: str, options: TrainingOptions) -> None:
+    """Print the result of a run, and the name of its figure."""
+    report(f"{options.output}: {text}")
+    if options.plot is not None:
+        report(f"Figure: {options.plot}")
+
+
+@contextlib.contextmanager
+def _explain_stop(checkpoint: Path, remedy: str) -> Iterator[None]:
+    """Print how to continue a run that ends early."""
+    try:
+        yield
+    except (KeyboardInterrupt, OSError):
+        if checkpoint.exists():
+            name = escape(str(checkpoint))
+            err.print(
+                f"\nThe run so far is kept in [bold]{name}[/]. The same command with "
+                "--resume continues it.",
+                soft_wrap=True,
+            )
+        raise
+    except FloatingPointError as error:
+        raise FloatingPointError(f"{error}. Start again with --restart and {remedy}") from error

@@ -1,0 +1,66 @@
+"""The origin of a result, as `jotlight info` shows it."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from jotlight.cli.reports.origins import film_facts
+
+READ = ("--frame-range", "16:48", "--rotate", "90")
+
+
+def origin_lines(run, name):
+    """Return the lines of `jotlight info`, without repeated spaces."""
+    code, out = run("info", name)
+    assert code == 0, out
+    return [" ".join(line.split()) for line in out.splitlines()]
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("reconstruct --window 16 -m mle", "y.zarr"),
+        ("reconstruct -m mle", "y.tif"),
+        ("reconstruct -m mle", "y.npy"),
+        ("reconstruct -m mle --chunks 1MiB", "y.png"),
+        ("film --window 16 -m mle", "y.npy"),
+        ("convert", "y.npy"),
+    ],
+)
+def test_the_frames_and_the_rotation_are_shown(run, captures, command, name):
+    verb, *options = command.split()
+    assert run(verb, captures[0], "-o", name, *options, *READ)[0] == 0
+    lines = origin_lines(run, name)
+    place = lines.index("provenance npy: frames 16:48 of 64")
+    assert lines[place + 1] == "npy: rotated by 90 degrees counterclockwise"
+
+
+def test_all_frames_as_they_are_need_no_row(run, captures):
+    assert run("reconstruct", captures[0], "-o", "y.tif", "-m", "mle")[0] == 0
+    assert not any(line.startswith("provenance") for line in origin_lines(run, "y.tif"))
+
+
+def test_a_damaged_provenance_is_called_damaged(run, captures):
+    assert run("reconstruct", captures[0], "-o", "y.npy", "-m", "mle", *READ)[0] == 0
+    record = Path("y.npy.json")
+    content = json.loads(record.read_text())
+    content["origin"]["provenance"] = {"format": "npy"}
+    record.write_text(json.dumps(content))
+    lines = " ".join(origin_lines(run, "y.npy"))
+    assert "provenance damaged (provenance: expected an object with format, name" in lines
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+def test_pipes_are_no_images_of_a_film(tmp_path):
+    os.mkfifo(tmp_path / "0.png")
+    assert film_facts(tmp_path) == []
+
+
+def test_images_of_a_film_lie_in_its_folder(tmp_path):
+    (tmp_path / "film").mkdir()
+    (tmp_path / "outside.png").touch()
+    (tmp_path / "film/0.png").symlink_to(tmp_path / "outside.png")
+    with pytest.raises(ValueError, match="outside of the folder"):
+        film_facts(tmp_path / "film")
