@@ -11,9 +11,10 @@ import contextlib
 import importlib
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 _hidden: ContextVar[tuple[str, ...]] = ContextVar("hidden", default=())
@@ -54,15 +55,26 @@ class SeveralArraysError(ValueError):
         self.names = tuple(names)
 
     @classmethod
-    def of_file(cls, path: object, names: Sequence[str], key: str | None, kind: str) -> Self:
+    def of_file(
+        cls,
+        path: object,
+        names: Sequence[str],
+        key: str | None,
+        kind: str,
+        unreadable: Mapping[str, str] = MappingProxyType({}),
+    ) -> Self:
         """Return the error for a file of some arrays, and a key that is none of their names.
+
+        `unreadable` holds the names of arrays that cannot be read, and the reason of each in a
+        word.
 
         Examples
         --------
         >>> str(SeveralArraysError.of_file("a.npz", ["x", "y"], "z", "array"))
         "a.npz: expected key= (--key) to name one of its arrays: x, y; got 'z'"
         """
-        listed = ", ".join(map(str, names)) or f"it has no numeric {kind}"
+        texts = (f"{name} ({unreadable[name]})" if name in unreadable else name for name in names)
+        listed = ", ".join(texts) or f"it has no numeric {kind}"
         got = "" if key is None else f"; got {key!r}"
         text = f"{path}: expected key= (--key) to name one of its {kind}s: {listed}{got}"
         return cls(text, names)

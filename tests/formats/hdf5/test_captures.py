@@ -87,9 +87,32 @@ def test_the_files_of_a_virtual_data_set_are_not_opened(tmp_path):
         file.create_virtual_dataset("x", layout)
     # The library would have to open the source to know the shape, which is (7, 8, 8).
     (found,) = Hdf5Library().list_data_sets(str(tmp_path / "a.h5"), "jotlight")
-    assert (found.elsewhere, found.shape) == (True, ())
-    with pytest.raises(ValueError, match="in other files"):
+    assert (found.layout, found.shape) == ("virtual", ())
+    with pytest.raises(ValueError, match="x is a virtual data set, whose parts may be in other"):
         jl.open(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("isolate", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_data_set_that_is_not_read_may_be_anything(tmp_path, isolate):
+    h5py = pytest.importorskip("h5py")
+    image = COUNTS[0]
+    layout = h5py.VirtualLayout(image.shape, image.dtype)
+    layout[:] = h5py.VirtualSource(".", "counts", image.shape)  # this file
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["counts"] = image
+        file.create_virtual_dataset("same", layout)
+        file.create_dataset("out", (2, 4, 8), "u1", external=[(str(tmp_path / "secret"), 0, 64)])
+        file.create_dataset("empty", (10**9, 512, 64), "u1", chunks=(1, 512, 64))
+    counts = jl.open(tmp_path / "a.h5", key="counts", isolate=isolate)
+    np.testing.assert_array_equal(counts, image)
+    for key, message in (
+        ("same", "same is a virtual data set, whose parts may be in other files, and jotlight"),
+        ("out", "out is an external data set, whose values are in other files, and jotlight"),
+        ("empty", "only 0 of its 1000000000 chunks exist"),
+        (None, r"one of its arrays: counts, empty, out \(external\), same \(virtual\)$"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            jl.open(tmp_path / "a.h5", key=key, isolate=isolate)
 
 
 @pytest.mark.parametrize("isolate", [False, pytest.param(True, marks=pytest.mark.slow)])
@@ -260,7 +283,7 @@ def test_chunks_that_exceed_the_cache_of_the_library_are_read_once(
         return read(data_set, start, stop)
 
     monkeypatch.setattr(library, "read", count)
-    frames = list_data_sets(tmp_path / "a.h5", library)["a"].frames
+    frames = list_data_sets(tmp_path / "a.h5", library)["a"].open().frames
     for frame in range(6):
         np.testing.assert_array_equal(frames.read(frame, frame + 1), array[frame : frame + 1])
     assert parts == expected
@@ -270,7 +293,7 @@ def test_chunks_that_exceed_the_cache_of_the_library_are_read_once(
 def test_positions_of_frames_may_be_numbers_of_numpy(tmp_path, library):
     pytest.importorskip("h5py")
     jl.save(COUNTS[0], tmp_path / "a.h5")
-    frames = next(iter(list_data_sets(tmp_path / "a.h5", library()).values())).frames
+    frames = next(iter(list_data_sets(tmp_path / "a.h5", library()).values())).open().frames
     np.testing.assert_array_equal(frames.read(np.int64(1), np.int64(3)), COUNTS[0, 1:3])
 
 

@@ -137,9 +137,12 @@ def test_version_7_3_is_hdf5_with_reversed_dimensions(tmp_path):
     array = random_frames((4, 5, 7))
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
         file["OUTPUT"] = array.swapaxes(1, 2).astype(np.uint8)
+        file.create_virtual_dataset("other", h5py.VirtualLayout((2, 3), "u1"))
     with (tmp_path / "a.mat").open("r+b") as file:
         file.write(b"MATLAB 7.3 MAT-file")
     np.testing.assert_array_equal(jl.open(tmp_path / "a.mat").to_array(), array)
+    with pytest.raises(ValueError, match=r"variables: OUTPUT, other \(virtual\); got 'none'"):
+        jl.open(tmp_path / "a.mat", key="none")
 
 
 def zipped_mat(path):

@@ -1,5 +1,7 @@
 """Limits on the sizes that a file claims, checked before memory is allocated."""
 
+from jotlight.errors import warn
+
 _MAX_EXPANSION = 1100
 """Maximum ratio of decompressed to compressed bytes of a DEFLATE stream. It is below 1033."""
 
@@ -85,10 +87,10 @@ file, got 1000000000; if it is not damaged, store it uncompressed
         )
 
 
-def describe_missing_chunks(
+def check_missing_chunks(
     name: str, found: int, total: int, max_missing: int, *, kind: str, reason: str
-) -> str | None:
-    """Return a warning if only some chunks of an array were stored, or None if all were.
+) -> None:
+    """Warn if only some chunks of an array were stored.
 
     Parameters
     ----------
@@ -108,15 +110,17 @@ def describe_missing_chunks(
 
     Examples
     --------
-    >>> describe_missing_chunks("a", 3, 5, 1000, kind="chunks", reason="are read as 0")
-    'a: 2 of its 5 chunks are missing and are read as 0, so check whether this is expected'
+    >>> check_missing_chunks("a", 0, 10**6, 1000, kind="chunks", reason="are read as 0")
+    Traceback (most recent call last):
+    ...
+    ValueError: a: only 0 of its 1000000 chunks exist, and reading all would take hours; resize \
+the array to the frames that were written, and if all were, it is damaged
     """
     if total - found > max_missing * (found + 10):
         raise ValueError(
             f"{name}: only {found} of its {total} {kind} exist, and reading all would take hours; "
             "resize the array to the frames that were written, and if all were, it is damaged"
         )
-    if found == total:
-        return None
-    missing = f"{total - found} of its {total} {kind} are missing"
-    return f"{name}: {missing} and {reason}, so check whether this is expected"
+    if found < total:
+        missing = f"{total - found} of its {total} {kind} are missing"
+        warn(f"{name}: {missing} and {reason}, so check whether this is expected")

@@ -2,11 +2,12 @@
 
 import dataclasses
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from jotlight.errors import SeveralArraysError, warn
+from jotlight.errors import SeveralArraysError
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.limits import check_frame_size
 from jotlight.formats.format import OpenOptions
@@ -27,14 +28,23 @@ ATTRIBUTE = "jotlight"
 
 @dataclasses.dataclass(frozen=True)
 class StoredArray:
-    """An array in a file, and its label if jotlight wrote one."""
+    """An open array in a file. Its frames are read when needed."""
 
     frames: Frames
-    label: str | None
     file_bytes: int
     """Number of bytes of the files that hold it."""
-    warning: str | None = None
-    """The text of a warning for the case that the array is selected, or None."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ListedArray:
+    """An array that a file lists, and its label if jotlight wrote one."""
+
+    label: str | None
+    open: Callable[[], StoredArray]
+    """Function that checks and opens the array. It raises ValueError if the array cannot be read,
+    so other arrays of the file can be."""
+    unreadable: str | None = None
+    """Why it cannot be opened, in a word, if the file already says so, or None."""
 
 
 def bits_label(bits: Bits) -> str:
@@ -46,7 +56,7 @@ def bits_label(bits: Bits) -> str:
 
 
 def open_stored_array(
-    arrays: dict[str, StoredArray], provenance: Provenance, options: OpenOptions
+    arrays: dict[str, ListedArray], provenance: Provenance, options: OpenOptions
 ) -> Capture:
     """Return the capture in one of several arrays.
 
@@ -65,9 +75,8 @@ def open_stored_array(
         When the array cannot be chosen, or its shape, type or label is invalid.
     """
     key, name = _select_key(arrays, provenance.name, options.key), provenance.name
-    frames, text, counts = arrays[key].frames, arrays[key].label, options.counts
-    if (warning := arrays[key].warning) is not None:
-        warn(warning)
+    array, text, counts = arrays[key].open(), arrays[key].label, options.counts
+    frames = array.frames
     try:
         label = None if text is None else parse_label(text, BITS)
         if label is not None and counts:
@@ -78,7 +87,7 @@ def open_stored_array(
             counts = len(frames.shape) == 2
         if counts or (counts is None and frames.dtype.kind != "b"):
             if is_single_image(frames.shape):  # which is in memory as a whole
-                check_frame_size(name, frames.nbytes, arrays[key].file_bytes)
+                check_frame_size(name, frames.nbytes, array.file_bytes)
             return as_count_stack(frames, provenance, text, floats=options.floats)
         if len(frames.shape) not in (3, 4) or 0 in frames.shape:
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")
@@ -98,18 +107,26 @@ def open_stored_array(
         raise ValueError(f"{name}: {key}: {error}") from error
 
 
-def _select_key(arrays: dict[str, StoredArray], name: str, key: str | None) -> str:
+def _select_key(arrays: dict[str, ListedArray], name: str, key: str | None) -> str:
     """Return the key of the chosen array of the file `name`, or of the only one that it can be."""
     labeled = [each for each, array in arrays.items() if array.label is not None]
     if key is None and (len(arrays) == 1 or len(labeled) == 1):
         return next(iter(labeled or arrays))
     if key is None or key not in arrays:
-        raise SeveralArraysError.of_file(name, list(arrays), key, "array")
+        raise several_arrays_error(name, arrays, key, "array")
     return key
 
 
+def several_arrays_error(
+    path: object, arrays: dict[str, ListedArray], key: str | None, kind: str
+) -> SeveralArraysError:
+    """Return the error for a file of these arrays, and a key that is none of their names."""
+    unreadable = {name: each.unreadable for name, each in arrays.items() if each.unreadable}
+    return SeveralArraysError.of_file(path, list(arrays), key, kind, unreadable)
+
+
 def _open_labeled_bits(
-    arrays: dict[str, StoredArray],
+    arrays: dict[str, ListedArray],
     frames: Frames,
     label: dict[str, Any],
     provenance: Provenance,
@@ -130,7 +147,8 @@ def _open_labeled_bits(
         raise ValueError(f"maps: expected arrays for {' and '.join(MAPS)}, got {keys!r}")
     maps = {}
     for name, key in keys.items():
-        if key not in arrays or arrays[key].frames.shape != bits.shape[1:3]:
+        map_ = arrays[key].open().frames if key in arrays else None
+        if map_ is None or map_.shape != bits.shape[1:3]:
             raise ValueError(f"{name}: expected an array {key!r} of {bits.shape[1:3]} jots")
-        maps[name] = np.asarray(arrays[key].frames)
+        maps[name] = np.asarray(map_)
     return Bits(frames, bits.width, Sensor.from_parts(label["sensor"], maps), provenance)

@@ -1,6 +1,7 @@
 """HDF5: a data set of packed bits, of booleans, or of counts. Requires the extra `hdf5`."""
 
 import contextlib
+import functools
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,12 +16,21 @@ from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.files.file_reader import FileReader
-from jotlight.formats.files.limits import check_frame_size, describe_missing_chunks
+from jotlight.formats.files.limits import (
+    check_frame_size,
+    check_missing_chunks,
+)
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.frames.blocks import read_by_blocks
-from jotlight.formats.frames.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
+from jotlight.formats.frames.labeled import (
+    ATTRIBUTE,
+    ListedArray,
+    StoredArray,
+    bits_label,
+    open_stored_array,
+)
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import DataSet, Hdf5Library
 from jotlight.interrupts import hold_signals
@@ -51,6 +61,11 @@ _USER_BLOCK = (
 
 _MARKS = (b"jotlight wrote", b"SHA-256")
 """Parts of this text that identify it. One flipped bit cannot damage both."""
+
+_LAYOUT_TEXTS = {
+    "external": "an external data set, whose values are in other files",
+    "virtual": "a virtual data set, whose parts may be in other files",
+}
 
 _IS_WRITTEN = "another program is writing it; open it again when it is complete"
 
@@ -107,28 +122,41 @@ def _naming_file(path: Path) -> Iterator[None]:
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
 
 
-def list_data_sets(path: Path, library: Library) -> dict[str, StoredArray]:
-    """Return the numeric data sets of an HDF5 file by name. They are read when needed.
+def list_data_sets(path: Path, library: Library) -> dict[str, ListedArray]:
+    """Return the numeric data sets of an HDF5 file by name.
+
+    To open one raises ValueError when its data are or may be in other files, or when it claims more
+    than the file can hold.
 
     Raises
     ------
     OSError
         When the file cannot be read.
     ValueError
-        When the file is damaged, refers to other files, or claims more than it can hold.
+        When the file is damaged.
     MissingExtraError
         When h5py is not installed.
     """
     file = FileReader(path)
     with _naming_file(path):
         found = library.list_data_sets(str(path), ATTRIBUTE)
-    return {each.name: _check_data_set(file, each, library) for each in found}
+    return {
+        each.name: ListedArray(
+            each.label,
+            functools.partial(_open_data_set, file, each, library),
+            None if each.layout == "ordinary" else each.layout,
+        )
+        for each in found
+    }
 
 
-def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> StoredArray:
+def _open_data_set(file: FileReader, data_set: DataSet, library: Library) -> StoredArray:
     path = file.path
-    if data_set.elsewhere:
-        raise ValueError(f"{path}: {data_set.name} is in other files, which are not opened")
+    if data_set.layout != "ordinary":
+        raise ValueError(
+            f"{path}: {data_set.name} is {_LAYOUT_TEXTS[data_set.layout]}, and jotlight opens no "
+            "other file; copy its values into an ordinary data set"
+        )
     dtype = np.dtype(data_set.dtype)
     shape, name = data_set.shape, f"{path}: {data_set.name}"
     frame_bytes = math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize
@@ -136,9 +164,7 @@ def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> St
     kind = "chunks" if data_set.chunk_bytes else "frames"
     reason = f"are read as the fill value; HDF5 omits {kind} that were not written"
     total, missing = data_set.chunks, data_set.missing_chunks
-    warning = describe_missing_chunks(
-        name, total - missing, total, _MAX_MISSING, kind=kind, reason=reason
-    )
+    check_missing_chunks(name, total - missing, total, _MAX_MISSING, kind=kind, reason=reason)
     if data_set.chunk_bytes > _MAX_CHUNK_BYTES:
         raise ValueError(
             f"{path}: {data_set.name} has chunks of more than {_MAX_CHUNK_BYTES} bytes"
@@ -155,7 +181,7 @@ def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> St
 
     frames = Frames(shape, read, dtype)
     blocks = read_by_blocks(frames, data_set.chunk_frames, _MAX_CHUNK_BYTES)
-    return StoredArray(blocks, data_set.label, file.size, warning)
+    return StoredArray(blocks, file.size)
 
 
 def open_hdf5(path: Path, options: OpenOptions) -> Capture:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from jotlight.formats.files.remote_files import RemoteFile, RemoteStream, remote_file
 from jotlight.formats.hdf5 import library
-from jotlight.formats.hdf5.library import SECONDS, DataSet, receive, send
+from jotlight.formats.hdf5.library import LAYOUTS, SECONDS, DataSet, receive, send
 
 _ERRORS = {
     each.__name__: each
@@ -191,6 +191,8 @@ def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:
         raise TypeError(f"a shape and chunks of {sizes}")
     if not isinstance(data_set.name, str) or np.dtype(data_set.dtype).kind not in "biuf":
         raise TypeError(f"an array {data_set.name!r} of {data_set.dtype!r}")
+    if data_set.layout not in LAYOUTS:
+        raise TypeError(f"a layout {data_set.layout!r}")
     if not isinstance(data_set.label, str | None):
         raise TypeError(f"a label {data_set.label!r}")
     return data_set

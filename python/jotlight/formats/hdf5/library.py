@@ -39,6 +39,10 @@ _BYTES_PER_SECOND = 1 << 22
 """Minimum number of requested bytes that a second of CPU time must suffice for."""
 
 
+LAYOUTS = ("ordinary", "external", "virtual")
+"""Where data are: in the data set, in other files, or in data sets that may be in other files."""
+
+
 @dataclasses.dataclass(frozen=True)
 class DataSet:
     """What an HDF5 file states about one of its data sets. A hostile file may state anything."""
@@ -55,8 +59,8 @@ class DataSet:
     missing_chunks: int
     """Number of chunks that were not written. 0 for a file at a URL, where counting them would
     read the whole index."""
-    elsewhere: bool
-    """Whether the data are in other files. Then the shape and the chunks are not known."""
+    layout: str
+    """One of `LAYOUTS`. The shape and the chunks are known only of an ordinary data set."""
     label: str | None
     """The text in the requested attribute, or None."""
     label_ignored: bool
@@ -103,7 +107,7 @@ class Hdf5Library:
 
         def visit(name: str, item: Any) -> bool | None:
             is_numeric = isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf"
-            if is_numeric and (_is_elsewhere(item) or item.ndim > 0):
+            if is_numeric and (_layout(item) != "ordinary" or item.ndim > 0):
                 found[name] = item
             return True if len(found) >= _MAX_DATA_SETS else None
 
@@ -138,17 +142,20 @@ def _release_lock(file: Any) -> None:
         fcntl.flock(file.id.get_vfd_handle(), fcntl.LOCK_UN)
 
 
-def _is_elsewhere(item: Any) -> bool:
-    """Return whether the data of a data set are in other files.
+def _layout(item: Any) -> str:
+    """Return which of the layouts a data set has.
 
-    To ask a virtual data set for its shape, the library would open these files.
+    To ask a virtual data set for its shape, the library would open the files of its parts.
     """
-    return bool(item.external or item.is_virtual)
+    if item.is_virtual:
+        return "virtual"
+    return "external" if item.external else "ordinary"
 
 
 def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
-    if _is_elsewhere(item):
-        return DataSet(path, name, (), item.dtype.str, 0, 0, 0, 0, True, None, False)
+    layout = _layout(item)
+    if layout != "ordinary":
+        return DataSet(path, name, (), item.dtype.str, 0, 0, 0, 0, layout, None, False)
     label, ignored = None, False
     if attribute in item.attrs:
         ignored = item.attrs.get_id(attribute).dtype.kind != "S"
@@ -161,7 +168,7 @@ def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
         math.prod(item.chunks or (0,)) * item.dtype.itemsize,
         _count_chunk_frames(item),
         *_count_chunks(item),
-        False,
+        layout,
         label,
         ignored,
     )

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,6 +17,7 @@ from jotlight.formats.files.limits import check_claimed_size
 from jotlight.formats.files.locks import ProcessLock
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
+from jotlight.formats.frames.labeled import several_arrays_error
 from jotlight.formats.hdf5.captures import Library, list_data_sets
 from jotlight.formats.matlab.sizes import check_sizes, check_streams, extract_variable
 from jotlight.sensing.bits.frames import Frames
@@ -69,7 +71,9 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
     for (name, shape, kind), size in listed:
         if kind in _NUMERIC_CLASSES:
             numeric.setdefault(name, (shape, size))  # SciPy, too, reads the first of equal names
-    name = _select_variable(path, numeric, key)
+    name = _select_variable(numeric, key)
+    if name is None:
+        raise SeveralArraysError.of_file(path, list(numeric), key, "variable")
     number = next(index for index, ((each, *_), _) in enumerate(listed) if each == name)
     shape, size = tuple(map(int, numeric[name][0])), numeric[name][1]
     shape = (*shape, 1) if len(shape) == 2 else shape
@@ -125,10 +129,10 @@ def _opened(path: Path, number: int, checksum: str | None) -> BinaryIO:
 def _open_version_7_3(path: Path, key: str | None, library: Library) -> Frames:
     """Return the frames of a file of version 7.3, which is HDF5 with dimensions reversed."""
     data_sets = list_data_sets(path, library)
-    name = _select_variable(
-        path, {name: array.frames.shape for name, array in data_sets.items()}, key
-    )
-    data = data_sets[name].frames
+    name = _select_variable(data_sets, key)
+    if name is None:
+        raise several_arrays_error(path, data_sets, key, "variable")
+    data = data_sets[name].open().frames
     shape = data.shape if len(data.shape) == 3 else (1, *data.shape)
     if len(shape) != 3:
         raise ValueError(f"{path}: expected {name} of shape (H, W, T), got {data.shape[::-1]}")
@@ -140,14 +144,13 @@ def _open_version_7_3(path: Path, key: str | None, library: Library) -> Frames:
     return Frames((shape[0], shape[2], shape[1]), read, np.int64)
 
 
-def _select_variable(path: Path, variables: dict[str, Any], key: str | None) -> str:
+def _select_variable(variables: Mapping[str, object], key: str | None) -> str | None:
+    """Return the name of the chosen variable, or None if there is none or no clear choice."""
     if key is None and VARIABLE in variables:
         return VARIABLE
     if key is None and len(variables) == 1:
         return next(iter(variables))
-    if key is None or key not in variables:
-        raise SeveralArraysError.of_file(path, list(variables), key, "variable")
-    return key
+    return key if key in variables else None
 
 
 def _as_integers(path: Path, part: npt.NDArray[Any]) -> npt.NDArray[np.int64]:

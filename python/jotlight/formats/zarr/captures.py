@@ -1,6 +1,7 @@
 """zarr folders: an array of packed bits, of booleans, or of counts. Requires the extra `zarr`."""
 
 import dataclasses
+import functools
 import json
 import math
 import operator
@@ -15,12 +16,15 @@ import numpy.typing as npt
 from jotlight.errors import ChangedFileError
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.file_reader import FileReader
-from jotlight.formats.files.limits import check_frame_size, describe_missing_chunks
+from jotlight.formats.files.limits import (
+    check_frame_size,
+    check_missing_chunks,
+)
 from jotlight.formats.files.remote_files import raise_failure
 from jotlight.formats.files.safe_paths import list_below
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.frames.blocks import read_by_blocks
-from jotlight.formats.frames.labeled import ATTRIBUTE, StoredArray, open_stored_array
+from jotlight.formats.frames.labeled import ATTRIBUTE, ListedArray, StoredArray, open_stored_array
 from jotlight.formats.zarr.manifest import (
     MANIFEST,
     MANIFESTS,
@@ -56,9 +60,9 @@ def open_zarr(path: Path, options: OpenOptions) -> Capture:
     folder = _list_folder(path)
     names = folder.arrays()
     if options.key in names:
-        # Other arrays are opened only if they may be maps of the sensor.
+        # Descriptions of other arrays are read only if they may be maps of the sensor.
         names = [name for name in (options.key, *MAPS) if name in names]
-    arrays = {name: _open_array(folder, name) for name in names}
+    arrays = {name: _list_array(folder, name) for name in names}
     return open_stored_array(arrays, Provenance("zarr", path.name), options)
 
 
@@ -130,17 +134,29 @@ def _list_folder(path: Path) -> _Folder:
     return _Folder(path, files, read_manifest(path, files))
 
 
-def _open_array(folder: _Folder, name: str) -> StoredArray:
-    from jotlight.formats.zarr.codecs import MAX_CHUNK_BYTES
+def _list_array(folder: _Folder, name: str) -> ListedArray:
+    """Return an array with its label, which is in the description of the array."""
     from jotlight.formats.zarr.store import open_bounded_array
 
-    path, files = folder.path / name, folder.files_of(name)
+    path = folder.path / name
     try:
-        array, sizes = open_bounded_array(path, files, folder.checksums_of(name))
-        shape, dtype = tuple(array.shape), np.dtype(array.dtype)
+        array, sizes = open_bounded_array(path, folder.files_of(name), folder.checksums_of(name))
         label = array.attrs.get(ATTRIBUTE)
     except Exception as error:  # the library raises many exceptions for damaged folders
         raise ValueError(f"{path}: the array is damaged ({error})") from error
+    return ListedArray(
+        label if isinstance(label, str) else None,
+        functools.partial(_open_array, folder, name, array, label, sizes.chunk),
+    )
+
+
+def _open_array(
+    folder: _Folder, name: str, array: Any, label: object, chunk_bytes: int
+) -> StoredArray:
+    from jotlight.formats.zarr.codecs import MAX_CHUNK_BYTES
+
+    path, files = folder.path / name, folder.files_of(name)
+    shape, dtype = tuple(array.shape), np.dtype(array.dtype)
     if dtype.kind not in "biuf" or not shape or not 0 <= min(shape) <= max(shape) < 2**63:
         raise ValueError(f"{path}: expected an array of numbers, got {dtype} of shape {shape}")
     if min(*array.chunks, *(array.shards or array.chunks)) < 1:
@@ -160,8 +176,8 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
     # The size of a chunk has a limit of its own, and the chunks are read one after the other.
     frame_bytes = math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize
     check_frame_size(str(path), frame_bytes, file_bytes)
-    warning = _describe_missing_chunks(path, array, len(chunks))
-    max_chunks = min(max(1, _MAX_READ_BYTES // sizes.chunk), _MAX_READ_CHUNKS)
+    _check_missing_chunks(path, array, len(chunks))
+    max_chunks = min(max(1, _MAX_READ_BYTES // chunk_bytes), _MAX_READ_CHUNKS)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         part = np.empty((stop - start, *shape[1:]), dtype)
@@ -178,7 +194,7 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
         return part
 
     frames = read_by_blocks(Frames(shape, read, dtype), array.chunks[0], MAX_CHUNK_BYTES)
-    return StoredArray(frames, label if isinstance(label, str) else None, file_bytes, warning)
+    return StoredArray(frames, file_bytes)
 
 
 def _split(
@@ -215,12 +231,12 @@ def _find_chunks(array: Any, files: Iterable[str]) -> list[str]:
     return list(filter(is_chunk, files))
 
 
-def _describe_missing_chunks(path: Path, array: Any, found: int) -> str | None:
-    """Return a warning if only `found` chunks are in the folder, or None if all are there."""
+def _check_missing_chunks(path: Path, array: Any, found: int) -> None:
+    """Warn if only `found` chunks are in the folder, and raise ValueError if nearly all are not."""
     kind, fill_value = "shards" if array.shards else "chunks", array.metadata.fill_value or 0
     reason = f"are read as {fill_value}; zarr omits {kind} that hold nothing else"
     total = math.prod(_chunk_grid(array))
-    return describe_missing_chunks(str(path), found, total, _MAX_MISSING, kind=kind, reason=reason)
+    check_missing_chunks(str(path), found, total, _MAX_MISSING, kind=kind, reason=reason)
 
 
 def _verify(path: Path) -> int:
