@@ -193,8 +193,10 @@ def needs_module(name: str, message: str) -> Iterator[None]:
         ) from error
 
 
-def import_extra(name: str, extra: str, purpose: str) -> Any:
+def import_extra(name: str, extra: str, purpose: str, instead: str = "") -> Any:
     """Return an optional module.
+
+    `instead` says what the caller may do without it.
 
     Raises
     ------
@@ -211,7 +213,8 @@ def import_extra(name: str, extra: str, purpose: str) -> Any:
     jotlight.errors.MissingExtraError: spells need magic: pip install 'jotlight[magic]'
     """
     package = name.partition(".")[0]
-    with needs_module(name, f"{purpose} need {package}: pip install 'jotlight[{extra}]'"):
+    advice = ", ".join(filter(None, (f"pip install 'jotlight[{extra}]'", instead)))
+    with needs_module(name, f"{purpose} need {package}: {advice}"):
         return importlib.import_module(name)
 
 

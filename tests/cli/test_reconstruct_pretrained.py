@@ -9,6 +9,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.images.io import read_image
 from jotlight.networks.pretrained import pretrained, uses_conditional
 
@@ -21,6 +22,19 @@ def expose(photo_folder, sensor):
     bits = sensor.expose(read_image(photo_folder / "0.png"), rng=0)
     jl.save(bits, "bits.npy")
     return bits
+
+
+@pytest.mark.parametrize("options", [("-m", "held-out"), ("--fallback",)], ids=str)
+def test_the_record_of_aligned_colors_states_all_networks_of_the_blend(run, tmp_path, options):
+    sensor = jl.Sensor(frames=16, mosaic="RGBW")
+    jl.save(sensor.expose(np.full((16, 16, 3), 0.3), rng=0), tmp_path / "bits.npy")
+    status, output = run("reconstruct", "bits.npy", "-o", "out.npy", "--motion", *options)
+    assert status == 0, output
+    assert "best blend on held-out bits, color differences (" in " ".join(output.split())
+    origin = json.loads(Path("out.npy.json").read_text())["origin"]
+    expected = weights_sha256(sensor, "held-out", None, is_color=True)
+    assert origin["weights_sha256"] == expected
+    assert len(expected) == 3
 
 
 def test_reconstruct_uses_the_trained_network_and_prints_its_name(run, photo_folder):

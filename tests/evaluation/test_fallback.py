@@ -1,9 +1,12 @@
 """The fallback of networks to other methods."""
 
+import sys
+
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.evaluation import mosaics
 from jotlight.evaluation.held_out import COLORS_NAME, NAMES, held_out
 from jotlight.networks.pretrained import pretrained_conditional
 
@@ -47,12 +50,27 @@ def test_colors_fall_back_from_the_color_network(mosaic):
     bits = sensor.expose(COFFEE, rng=0, channel_axis=-1 if mosaic is None else None)
     plain, without = jl.reconstruct(bits, return_info=True)
     estimate, info = jl.reconstruct(bits, fallback=True, return_info=True)
-    assert (info.method, info.reason) == (without.method, without.reason)
-    assert info.method == "network-color"
+    assert without.method == "network-color"
+    assert (info.method, info.reason) == ("held-out", "requested")
     assert list(info.shares) == [COLORS_NAME, *NAMES]
     assert info.shares[COLORS_NAME] > 0.5
     assert jl.metrics.psnr(estimate, COFFEE) > jl.metrics.psnr(plain, COFFEE) - 0.2
     assert estimate.shape == plain.shape
+
+
+def test_stated_demosaicing_keeps_the_color_network_in_the_blend():
+    bits = jl.Sensor(frames=16, mosaic="RGGB").expose(COFFEE[:16, :16], rng=0)
+    _, info = jl.reconstruct(bits, fallback=True, demosaicing="differences", return_info=True)
+    assert list(info.shares) == [COLORS_NAME, *NAMES]
+
+
+def test_a_blend_of_a_bayer_mosaic_names_the_extra_before_it_starts(monkeypatch):
+    monkeypatch.setitem(sys.modules, "colour_demosaicing", None)
+    monkeypatch.setattr(mosaics, "count_image", None)
+    bits = jl.Sensor(frames=16, mosaic="RGGB").expose(COFFEE[:16, :16], rng=0)
+    message = r"pip install 'jotlight\[color\]', or pass demosaicing=\"differences\""
+    with pytest.raises(jl.MissingExtraError, match=message):
+        jl.reconstruct(bits, fallback=True)
 
 
 def test_colors_unlike_photographs_fall_back_to_the_bits():

@@ -23,10 +23,10 @@ NETWORK = jl.pretrained(GRAY, "two-layer")
         ({"demosaicing": "differences"}, MOSAIC, True, "network-medium"),
         ({}, MOSAIC.replace(frames=2000), True, "held-out"),
         ({}, GRAY.replace(frames=2000), True, "held-out"),
-        ({"fallback": True}, GRAY, False, "network-medium"),
-        ({"fallback": True}, GRAY, True, "network-color"),
-        ({"fallback": True}, MOSAIC, True, "network-color"),
-        ({"fallback": True, "demosaicing": "differences"}, MOSAIC, True, "network-medium"),
+        ({"fallback": True}, GRAY, False, "held-out"),
+        ({"fallback": True}, GRAY, True, "held-out"),
+        ({"fallback": True}, MOSAIC, True, "held-out"),
+        ({"fallback": True, "demosaicing": "differences"}, MOSAIC, True, "held-out"),
         ({"demosaicing": "network"}, MOSAIC.replace(frames=2000), True, "network-color"),
         ({"quality": "small"}, MOSAIC, True, "network-small"),
         ({"options": {"weight": 2.0}}, GRAY, True, "admm-tv"),
@@ -38,7 +38,9 @@ def test_the_method_of_a_request(settings, sensor, takes_colors, expected):
     request = Request(**settings)
     choice = request.choose(sensor, takes_colors=takes_colors)
     assert choice.method == expected
-    assert choice.is_requested == (expected in ("network-small", "admm-tv", "network"))
+    is_requested = "fallback" in settings or expected in ("network-small", "admm-tv", "network")
+    assert choice.is_requested == is_requested
+    assert choice.is_color == (takes_colors and expected in ("network-color", "held-out"))
     named = request.of_choice(choice)
     assert named.quality is None
     again = named.choose(sensor, takes_colors=takes_colors)
@@ -62,8 +64,11 @@ def test_settings_that_do_not_belong_together_are_refused(settings, message):
 
 
 def test_the_demosaicing_by_the_color_network_needs_data_that_it_takes():
-    with pytest.raises(ValueError, match='demosaicing: "network" estimates colors from the bits'):
+    message = 'demosaicing: "network" estimates colors from the bits'
+    with pytest.raises(ValueError, match=message):
         Request(demosaicing="network").choose(MOSAIC, takes_colors=False)
+    with pytest.raises(ValueError, match=f"{message} itself: it takes no .* fallback"):
+        Request(demosaicing="network", fallback=True).choose(MOSAIC, takes_colors=True)
 
 
 def test_a_color_network_of_the_caller_is_the_network_of_the_demosaicing():

@@ -2,6 +2,7 @@
 
 import threading
 import warnings
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,9 @@ pixels."""
 SPREAD = 1.0
 """The same for the differences of other filters from it. A wide Gaussian averages their noise, and
 colors vary less than brightness. Decision 47 has the measurement behind this number."""
+
+_PURPOSE = "the colors from the planes of a Bayer mosaic"
+_INSTEAD = 'or pass demosaicing="differences" (--demosaicing differences)'
 
 _IMPORT = threading.Lock()
 """It is held while Menon's method is imported."""
@@ -142,14 +146,31 @@ def _near_weights(weights: npt.NDArray[np.floating], places: Pattern, usual: Val
     return np.asarray(np.maximum(found, MIN_RELATIVE_WEIGHT * (usual > 0)))
 
 
-def _menon(values: Values, order: str) -> Values:
-    """Return the values of a Bayer mosaic behind each of the filters R, G, and B."""
+def check_installed(method: str) -> None:
+    """Raise MissingExtraError if a method of demosaicing needs an extra that is not installed.
+
+    Callers check before they estimate planes, which may take minutes.
+
+    Examples
+    --------
+    >>> check_installed("differences")
+    """
+    if method == "menon":
+        _menon_package()
+
+
+def _menon_package() -> Any:
     # The package imports an old name of SciPy, warns of packages that it does without, and changes
     # how NumPy prints arrays. Several threads must not change the filters of warnings at the same
     # time.
     with _IMPORT, warnings.catch_warnings(), np.printoptions():
         warnings.simplefilter("ignore")
-        package = import_extra("colour_demosaicing", "color", "the colors of a Bayer mosaic")
+        return import_extra("colour_demosaicing", "color", _PURPOSE, _INSTEAD)
+
+
+def _menon(values: Values, order: str) -> Values:
+    """Return the values of a Bayer mosaic behind each of the filters R, G, and B."""
+    package = _menon_package()
     return np.asarray(package.demosaicing_CFA_Bayer_Menon2007(values, order), np.float64)
 
 

@@ -239,7 +239,7 @@ def check_fallback(
     """
     if (reason := smooth_kernel_reason(sensor)) is not None:
         raise ValueError(f"sensor: {reason}")
-    if network is None and quality is None and method not in (BLEND_METHOD, COLOR_NETWORK):
+    if network is None and quality is None and method != BLEND_METHOD:
         raise ValueError(f"fallback: is for networks, but the method is {method}")
     if network is not None and network.trials_range is None:
         raise ValueError(

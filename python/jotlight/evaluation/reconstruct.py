@@ -153,9 +153,9 @@ def reconstruct(
     fallback : bool
         Whether to blend a network with total variation and maximum likelihood, with the weights
         that make held-out bits most likely (:func:`jotlight.evaluation.held_out`). It helps in
-        scenes unlike photographs. For colors, the default blends the color network with these
-        three, whose network is "medium". This takes 10 to 30 times as long. With
-        `return_info`, `Info.shares` holds the mean weight of each method.
+        scenes unlike photographs. Without a method, it selects "held-out", which blends the
+        network "medium", and for colors the color network, too. This takes 10 to 30 times as long.
+        With `return_info`, `Info.shares` holds the mean weight of each method.
     return_info : bool
         Whether to also return which method was chosen and why.
     **options
@@ -242,8 +242,7 @@ def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> t
             raise ValueError("demosaicing: is not an option of a color network; leave it out")
         estimate, demosaicing = method, None
     elif (choice := _choice_of_colors(request, sensor, has_form=has_form)) is not None:
-        is_alone = choice.method == COLOR_NETWORK and not request.fallback
-        estimate = None if is_alone else choice
+        estimate = None if choice.method == COLOR_NETWORK else choice
         demosaicing = None if demosaicing == BY_COLOR_NETWORK else demosaicing
     else:
         of_planes = dataclasses.replace(request, demosaicing=None).arguments()

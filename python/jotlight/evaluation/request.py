@@ -36,7 +36,11 @@ class Request:
     @property
     def is_default(self) -> bool:
         """Whether nothing selects a method."""
-        return self.method is None and self.quality is None and not self.options
+        return not (self._names_method or self.fallback)
+
+    @property
+    def _names_method(self) -> bool:
+        return not (self.method is None and self.quality is None and not self.options)
 
     def with_threads(self, threads: int | None) -> Self:
         """Return the same request for a number of threads."""
@@ -68,6 +72,8 @@ class Request:
     def name(self) -> str | None:
         """Return the name of the requested method. None: the best one, or a network of the caller.
 
+        `fallback` alone requests the blend of networks with other methods.
+
         Raises
         ------
         TypeError, ValueError
@@ -77,7 +83,11 @@ class Request:
         --------
         >>> Request(quality="small").name(), Request(options={"weight": 2.0}).name()
         ('network-small', 'admm-tv')
+        >>> Request(fallback=True).name()
+        'held-out'
         """
+        if self.fallback and not self._names_method:
+            return BLEND_METHOD
         if not isinstance(self.method, AnyNetwork):
             return named_method(self.method, self.quality, self.options)
         is_color = isinstance(self.method, ColorNetwork)
@@ -130,7 +140,7 @@ class Request:
             requested=requested,
             network=network,
             is_range_known=is_range_known,
-            is_color=takes_colors and (self.is_default or self.method == BLEND_METHOD),
+            is_color=takes_colors and (self.is_default or requested == BLEND_METHOD),
             demosaicing=self.demosaicing,
             trials=trials,
         )

@@ -46,7 +46,7 @@ def test_a_blend_for_colors_has_the_weights_of_the_color_network_and_of_medium(m
     expected = sorted(map(file_checksum, [own, LARGE, named("medium")]))
     assert weights_sha256(sensor, "held-out", None, is_color=True) == expected
     options = {"is_color": True, "is_conditional": True}
-    assert weights_sha256(sensor, "network-color", None, **options) == expected
+    assert weights_sha256(sensor, "held-out", None, **options) == expected
 
 
 def test_a_network_that_falls_back_is_conditional():

@@ -42,9 +42,9 @@ class MethodOptions:
         bool,
         Parameter(
             negative=(),
-            help="Blend a network (for colors by default the color network and medium) with total "
-            "variation and maximum likelihood, with the weights that make held-out bits most "
-            "likely. It takes 10 to 30 times as long.",
+            help="Blend a network with total variation and maximum likelihood, with the weights "
+            f"that make held-out bits most likely. Without a method, it selects {BLEND_METHOD}. It "
+            "takes 10 to 30 times as long.",
         ),
     ] = False
     inverse: Annotated[

@@ -112,15 +112,15 @@ def reconstruct_image(
 
 
 def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
-    """Return the reconstruction by the color network, if it takes the data after an alignment.
+    """Return the reconstruction of all colors together, if its method takes aligned data so.
 
-    `merged` is None for a scene that stands still behind a mosaic. Requested methods stay.
+    `merged` is None for a scene that stands still behind a mosaic.
     """
     if merged is not None:
         refuse_demosaicing(job.request)
-    if job.choice.is_requested:
-        return job
-    request = dataclasses.replace(job.request, method=None)
+    request = job.request
+    if not job.choice.is_requested:
+        request = dataclasses.replace(request, method=None)
     if merged is None:
         takes = takes_capture(job.captured)
     else:

@@ -23,8 +23,8 @@ _MIN_KNOWN = 0.9
 """Fraction of the pixels that must have bits of all colors."""
 
 _TAKEN = (
-    "estimates colors from the bits itself: it takes no method, quality, or options. Its data are "
-    "bits, readings, or counts with the same trials in all pixels; "
+    "estimates colors from the bits itself: it takes no method, quality, or options, and no "
+    "fallback. Its data are bits, readings, or counts with the same trials in all pixels; "
     'demosaicing="differences" takes all data'
 )
 """What the color network takes, for messages."""

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
+from jotlight.estimators.demosaicing import (
+    TITLES,
+    check_installed,
+    choose_demosaicing,
+    demosaic,
+)
 from jotlight.evaluation.choice import COLOR_NETWORK, OWN_NETWORK, Choice
 from jotlight.evaluation.choice import TITLES as METHOD_TITLES
 from jotlight.evaluation.color.color_images import count_image
@@ -105,6 +110,8 @@ def reconstruct_mosaic(
             "data: expected gray bits or counts, because the pixels of a mosaic have one color "
             "each, got color channels; sensor.replace(mosaic=None) is a sensor of color channels"
         )
+    if not (estimate is None or isinstance(estimate, ColorNetwork)):
+        check_installed(method)
     counted = [count_image(one, gray, threads, mosaic) for one in images.data]
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
     if isinstance(estimate, Choice):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jotlight.evaluation.choice import COLOR_NETWORK, FILM_NETWORK
+from jotlight.evaluation.choice import FILM_NETWORK
 from jotlight.evaluation.methods import BLEND_METHOD
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.networks.color.mosaic_planes import plane_sensors
@@ -67,7 +67,7 @@ def weights_sha256(
     >>> weights_sha256(sensor, "mle", None) is None
     True
     """
-    is_blend = method == BLEND_METHOD or (method == COLOR_NETWORK and is_conditional)
+    is_blend = method == BLEND_METHOD
     size = DEFAULT_SIZE if is_blend else quality
     files = set[Path]()
     if is_color:
