@@ -195,6 +195,16 @@ def test_significant_bits_do_not_change_the_scale(tmp_path):
     assert np.allclose(read_image(path), VALUES / 65535, atol=1e-6)
 
 
+def test_a_transparent_color_of_16_bits_is_warned_about(tmp_path):
+    path = tmp_path / "a.png"
+    color = tuple(map(int, VALUES[1, 2]))
+    png16(path, VALUES, greyscale=False, transparent=color)
+    with pytest.warns(JotlightWarning, match=r"a\.png: 1 of \d+ pixels are transparent"):
+        assert np.allclose(read_image(path), VALUES / 65535, atol=1e-6)
+    png16(path, VALUES, greyscale=False, transparent=(color[0], color[1], color[2] ^ 1))
+    read_image(path)
+
+
 def test_gray_with_transparency_keeps_its_16_bits(tmp_path):
     path = tmp_path / "a.png"
     values = VALUES[..., :2].copy()

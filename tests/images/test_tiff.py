@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from jotlight.errors import JotlightWarning
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import image_writer, read_image
 
@@ -25,6 +26,20 @@ def test_only_transparency_is_dropped_of_two_channels(tmp_path, kind, channels):
     tifffile.imwrite(tmp_path / "a.tif", levels, **options)
     expected = levels[..., :channels].squeeze() / 255
     np.testing.assert_allclose(read_image(tmp_path / "a.tif"), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize(("channels", "photometric"), [(2, "minisblack"), (4, "rgb")])
+def test_the_transparency_of_stacks_is_dropped_too(tmp_path, channels, photometric, apart):
+    levels = np.random.default_rng(0).integers(0, 255, (5, 6, 7, channels), np.uint8)
+    options = {"photometric": photometric, "extrasamples": ["unassalpha"]}
+    stored = np.moveaxis(levels, -1, 1) if apart else levels
+    planes = "separate" if apart else "contig"
+    tifffile.imwrite(tmp_path / "a.tif", stored, planarconfig=planes, **options)
+    with pytest.warns(JotlightWarning, match=r"a\.tif: 210 of 210 pixels are transparent"):
+        images = read_image(tmp_path / "a.tif")
+    expected = (levels[..., 0] if channels == 2 else levels[..., :3]) / 255
+    np.testing.assert_allclose(images, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("channels", [2, 4])

@@ -23,20 +23,23 @@ def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.asarray(image @ np.array([0.299, 0.587, 0.114]))
 
 
-def drop_transparency(path: Path, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return an image (H, W, C) without its last channel, transparency, which may warn.
+def drop_transparency(path: Path, images: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return images (..., H, W, C) without their last channel, transparency, which may warn.
 
     Examples
     --------
     >>> drop_transparency(Path("a.png"), np.ones((2, 3, 4))).shape
     (2, 3, 3)
     """
-    warn_about_transparent_pixels(path, image[..., -1])
-    return image[..., :-1]
+    warn_about_transparent_pixels(path, images[..., -1])
+    return images[..., :-1]
 
 
 def warn_about_transparent_pixels(path: Path, alpha: npt.NDArray[Any]) -> None:
-    """Warn if a channel of transparency, which is dropped, contains pixels that are not opaque."""
+    """Warn if a channel of transparency, which is dropped, contains pixels that are not opaque.
+
+    A channel of bool is True at opaque pixels.
+    """
     opaque = np.iinfo(alpha.dtype).max if alpha.dtype.kind in "iu" else 1
     number = np.count_nonzero(alpha < opaque)
     if number:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from jotlight.formats.images.png_chunks import SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.png_notes import KEYWORD
-from jotlight.images.color import drop_transparency
+from jotlight.images.color import drop_transparency, warn_about_transparent_pixels
 from jotlight.output_files import OutputFile
 
 
@@ -37,6 +37,8 @@ def read_png16(path: Path, stream: BinaryIO) -> npt.NDArray[np.uint16]:
     values = values.reshape(height, width, info["planes"])
     if info["alpha"]:
         values = drop_transparency(path, values)
+    elif (color := info.get("transparent")) is not None:
+        warn_about_transparent_pixels(path, (values != color).any(axis=2))
     return values[..., 0] if values.shape[2] == 1 else values
 
 

@@ -34,14 +34,15 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
             for page in filter(None, series.pages):
                 check_segments(file, page)
             array = move_samples_last(np.asarray(series.asarray()), series.axes)
+            has_samples = "S" in series.axes
             has_alpha = bool(set(ALPHA) & set(series.keyframe.extrasamples))
             # Some programs do not mark the transparency of colors.
             has_alpha |= series.keyframe.photometric == tifffile.PHOTOMETRIC.RGB
     except Exception as error:  # any type: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
-    if has_alpha and array.ndim == 3 and array.shape[2] in (2, 4):
+    if has_alpha and has_samples and array.shape[-1] in (2, 4):
         array = drop_transparency(path, array)
-        array = array[..., 0] if array.shape[2] == 1 else array
+        array = array[..., 0] if array.shape[-1] == 1 else array
     return array, 255.0 if array.dtype == np.uint8 else None
 
 
