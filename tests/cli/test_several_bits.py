@@ -59,7 +59,7 @@ def test_a_bit_depth_that_contradicts_the_file_is_refused(run, photo):
     run("convert", "b.npy", "-o", "b.zarr")
     status, text = run("reconstruct", "b.zarr", "-o", "e.npy", "--bit-depth", 3)
     assert status == 1
-    assert "its label states packed bits, not counts; leave out --counts, --unpacked, and" in text
+    assert "its label states packed bits, not counts; leave out --counts, --unpacked, --bit" in text
     status, text = run("reconstruct", "b.zarr", "-o", "e.npy", "--bit-depth", 3, "--bits")
     assert status == 1
     assert "but bits are requested; leave out --unpacked and --bits\n" in text

@@ -6,27 +6,10 @@ from pathlib import Path
 
 from jotlight.checks import Counts
 from jotlight.formats.capture import Capture
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Packed
 from jotlight.sensing.bits.readings import Readings
-
-
-@dataclasses.dataclass(frozen=True)
-class OpenOptions:
-    """Options of :func:`jotlight.open` that decide how stored arrays are interpreted."""
-
-    key: str | None = None
-    """Name of the array in a file that holds several."""
-    counts: bool | None = None
-    """Whether the numbers are counts (True) or packed bits (False). None: their type decides."""
-    width: int | None = None
-    """True width in jots."""
-    floats: bool = False
-    """Whether the numbers may be floats: means of frames, or bits."""
-    packed: bool = False
-    """Whether the caller states that bytes hold eight bits, which skips :func:`check_packed`."""
-    isolate: bool = False
-    """Whether a child process calls the HDF5 library, which crashes on some damaged files."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,8 +57,10 @@ class Format:
     """Name that ``jotlight.open(..., format=)`` and ``--format`` accept."""
     summary: str
     """Description in a few words."""
-    open: Callable[[Path, OpenOptions], Capture]
-    """A function that returns the capture at a path, or raises ValueError for invalid content."""
+    open: Callable[[Path, ReadingOptions], Capture]
+    """A function that returns the capture at a path, or raises ValueError for invalid content.
+
+    It selects no frames or region of the capture, and does not rotate it."""
     matches: Callable[[Path], bool] | None = None
     """A function that detects this format at a path. None: the content does not show the format."""
     extensions: tuple[str, ...] = ()

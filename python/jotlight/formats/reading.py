@@ -111,11 +111,12 @@ def open(
     OSError
         When the file cannot be read.
     TypeError
-        When `frames` is not a slice.
+        When a parameter has a wrong type.
     ValueError
-        When the format is unknown, or the file is truncated or holds Python objects, which are
-        never read. When the file is a photograph. With `counts_scale`, when a value is not a
-        multiple of counts_scale / trials, rounded or truncated.
+        When a parameter is out of range or contradicts another one. When the format is unknown, or
+        the file is truncated or holds Python objects, which are never read. When the file is a
+        photograph. With `counts_scale`, when a value is not a multiple of counts_scale / trials,
+        rounded or truncated.
     MissingExtraError
         When a required optional package is not installed.
 

@@ -20,8 +20,9 @@ from jotlight.formats.files.file_lists import list_files, natural_sort_key
 from jotlight.formats.files.file_reader import FileReader
 from jotlight.formats.files.magic import file_type
 from jotlight.formats.files.safe_paths import MAX_SEARCHED, list_below
-from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
+from jotlight.formats.format import Format, FrameLayout, Writer
 from jotlight.formats.frames.orientation import rotate_packed, transpose_packed
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.formats.raw import (
     EXTENSIONS,
     OTHER_EXTENSIONS,
@@ -96,7 +97,7 @@ def _matches(path: Path, *, sparse: bool) -> bool:
     return finished is not None and _looks_sparse(finished) == sparse
 
 
-def open_spad512s(path: Path, options: OpenOptions, *, sparse: bool = False) -> Bits:
+def open_spad512s(path: Path, options: ReadingOptions, *, sparse: bool = False) -> Bits:
     """Return the bits of a file, or of a folder in natural order."""
     files = list_files(path, EXTENSIONS, "SPAD512S")
     if sparse:

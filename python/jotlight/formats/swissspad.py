@@ -14,7 +14,8 @@ import numpy as np
 import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.files.file_lists import list_files
-from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
+from jotlight.formats.format import Format, FrameLayout, Writer
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.formats.raw import EXTENSIONS, OTHER_EXTENSIONS, check_frame_size, read_raw, write_raw
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Packed
@@ -65,7 +66,7 @@ def _halves(packed: Packed) -> Packed:
     return packed.reshape(len(packed), 2, _HALF_HEIGHT, _TURNS[1], _TURNS[3])
 
 
-def open_swissspad(path: Path, options: OpenOptions, *, full: bool = False) -> Bits:
+def open_swissspad(path: Path, options: ReadingOptions, *, full: bool = False) -> Bits:
     """Return the bits of a `.bin` file, or of a folder sorted by the numbers in the file names."""
     files = _sort_by_number(path, list_files(path, EXTENSIONS, "SwissSPAD2"))
     height = 2 * _HALF_HEIGHT if full else _HALF_HEIGHT

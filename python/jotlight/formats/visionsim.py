@@ -15,12 +15,13 @@ from jotlight.errors import warn
 from jotlight.files import atomic_folder
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.files.safe_paths import check_inside, resolve_below
-from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.orientation import transpose_packed
 from jotlight.formats.frames.packing import pack_lazily
 from jotlight.formats.frames.scaled import unscale
 from jotlight.formats.npy.arrays import open_npy_array, write_npy
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames, read_frames, read_in_chunks
@@ -61,7 +62,7 @@ def _is_visionsim(path: Path) -> bool:
     return file.name == _FILE_NAME and file.is_file()
 
 
-def open_visionsim(path: Path, options: OpenOptions) -> Capture:
+def open_visionsim(path: Path, options: ReadingOptions) -> Capture:
     """Return the bits or the counts of a folder with a `transforms.json`, or of that file."""
     file = path / _FILE_NAME if path.is_dir() else path
     if not file.is_file():
@@ -87,7 +88,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def _open_frames(path: Path, content: dict[str, Any], options: OpenOptions) -> Capture:
+def _open_frames(path: Path, content: dict[str, Any], options: ReadingOptions) -> Capture:
     listing = _list_frames(content)
     stacks = [open_npy_array(resolve_below(path, name, "file_path")) for name, _ in listing.files]
     _check_places(listing, stacks)
@@ -119,7 +120,9 @@ def _has_bits(frame: _Stack) -> bool:
     return frame.dtype == np.bool_ or levels <= {0, 1} or levels <= {0, 255}
 
 
-def _open_sums(images: npt.NDArray[Any] | Frames, path: Path, options: OpenOptions) -> CountStack:
+def _open_sums(
+    images: npt.NDArray[Any] | Frames, path: Path, options: ReadingOptions
+) -> CountStack:
     """Return the counts of a cube of several bits, which are means of single bits, times 255.
 
     A sensor of several bits in visionsim adds single bits, so its frames are counts.
@@ -127,8 +130,8 @@ def _open_sums(images: npt.NDArray[Any] | Frames, path: Path, options: OpenOptio
     if images.ndim == 4 and images.shape[3] == 1:
         images = images[..., 0]
     provenance = Provenance("visionsim", path.parent.name or path.name)
-    stack = as_count_stack(images, provenance, floats=options.floats, is_stack=True)
-    trials = None if options.floats else _number_of_planes(read_frames(stack.images, 0, 1))
+    stack = as_count_stack(images, provenance, floats=options.takes_floats, is_stack=True)
+    trials = None if options.takes_floats else _number_of_planes(read_frames(stack.images, 0, 1))
     return stack if trials is None else unscale(stack, 255, trials)
 
 

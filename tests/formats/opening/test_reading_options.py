@@ -29,16 +29,55 @@ def test_the_options_are_the_parameters_of_open():
         ({"counts": False}, False),
         ({"counts_scale": 255}, True),
         ({"bit_depth": 4}, True),
-        ({"bit_depth": 4, "counts": False}, False),
+        ({"unpacked": True}, True),
     ],
 )
 def test_means_and_readings_are_numbers_like_counts(options, expected):
     assert ReadingOptions(**options).takes_counts is expected
 
 
-def test_the_frames_of_each_mean_need_a_scale():
-    with pytest.raises(ValueError, match=r"^trials: states the frames of each mean, together with"):
-        ReadingOptions(trials=16)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"trials": 16}, "trials: states the frames of each mean, together with"),
+        ({"bit_depth": 4, "counts": False}, "bit_depth: is for images of readings, but bits"),
+        ({"bit_depth": 4, "unpacked": True}, "bit_depth: is for images of readings, but bits"),
+        ({"bit_depth": 4, "counts_scale": 1}, "counts_scale: .* leave out one of the two"),
+        ({"counts": True, "unpacked": True}, "counts: expected at most one of counts and unp"),
+        ({"counts_scale": 1, "unpacked": True}, "counts_scale: expected at most one"),
+    ],
+    ids=str,
+)
+def test_options_that_contradict_each_other_are_refused(options, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        ReadingOptions(**options)
+
+
+VALUES = {
+    "bit_depth": (0, 1, 17, 4.5, 10**30),
+    "counts_scale": (0, np.inf),
+    "trials": (0, 2.5),
+    "width": (0, 2.5),
+    "rotate": (45, 90.0),
+    "key": (0,),
+}
+"""Bad values of each option."""
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_a_bad_value_is_an_error_of_its_own_option_whatever_the_file_holds(tmp_path, name):
+    jl.save(jl.Bits.from_array(np.ones((4, 8, 8), bool)), tmp_path / "a.npy")
+    others = {"counts_scale": 1} if name == "trials" else {}
+    for value in (*VALUES[name], -1, True, np.nan, [4], *(["4"] if name != "key" else [])):
+        with pytest.raises((TypeError, ValueError), match=f"^{name}: expected "):
+            jl.open(tmp_path / "a.npy", **{name: value}, **others)
+
+
+@pytest.mark.parametrize("name", ["counts", "unpacked", "isolate", "storage_options", "frames"])
+def test_options_of_other_types_are_refused(name):
+    for value in (1, "no", *([None] if name == "isolate" else [])):
+        with pytest.raises(TypeError, match=f"^{name}: expected "):
+            ReadingOptions(**{name: value})
 
 
 def test_a_copy_in_another_process_has_the_same_frames(tmp_path):

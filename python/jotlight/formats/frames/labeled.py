@@ -10,10 +10,10 @@ import numpy as np
 from jotlight.errors import SeveralArraysError
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.limits import check_frame_size
-from jotlight.formats.format import OpenOptions
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.labels import AS_STATED, BITS, make_bits_label, parse_label
 from jotlight.formats.frames.packing import check_packed, pack_lazily
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.layout import is_single_image
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import refuse_many_channels, warn_about_axes
@@ -56,7 +56,7 @@ def bits_label(bits: Bits) -> str:
 
 
 def open_stored_array(
-    arrays: dict[str, ListedArray], provenance: Provenance, options: OpenOptions
+    arrays: dict[str, ListedArray], provenance: Provenance, options: ReadingOptions
 ) -> Capture:
     """Return the capture in one of several arrays.
 
@@ -66,7 +66,7 @@ def open_stored_array(
         All arrays of the file by name.
     provenance : Provenance
         Provenance of the file.
-    options : OpenOptions
+    options : ReadingOptions
         If `key` is None, the array is the only one, or else the only one with a label.
 
     Raises
@@ -75,32 +75,32 @@ def open_stored_array(
         When the array cannot be chosen, or its shape, type or label is invalid.
     """
     key, name = _select_key(arrays, provenance.name, options.key), provenance.name
-    array, text, counts = arrays[key].open(), arrays[key].label, options.counts
+    array, text, counts = arrays[key].open(), arrays[key].label, options.takes_counts
     frames = array.frames
     try:
         label = None if text is None else parse_label(text, BITS)
         if label is not None and counts:
             raise ValueError(f"its label states packed bits, not counts; {AS_STATED}")
         if label is not None:
-            return _open_labeled_bits(arrays, frames, label, provenance, options.width)
+            return _open_labeled_bits(arrays, frames, label, provenance, options.packed_width)
         if counts is None and frames.dtype.kind == "b":
             counts = len(frames.shape) == 2
         if counts or (counts is None and frames.dtype.kind != "b"):
             if is_single_image(frames.shape):  # which is in memory as a whole
                 check_frame_size(name, frames.nbytes, array.file_bytes)
-            return as_count_stack(frames, provenance, text, floats=options.floats)
+            return as_count_stack(frames, provenance, text, floats=options.takes_floats)
         if len(frames.shape) not in (3, 4) or 0 in frames.shape:
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")
         refuse_many_channels(name, frames.shape)
         if frames.dtype.kind == "b":
             warn_about_axes(name, frames.shape)
             return Bits(pack_lazily(frames, name), frames.shape[2], provenance=provenance)
-        if not options.packed:
+        if not options.is_packed:
             check_packed(frames, name)
         provenance = provenance.with_notes(
             "packed bits, the most significant first, along the width"
         )
-        return Bits(frames, options.width, provenance=provenance)
+        return Bits(frames, options.packed_width, provenance=provenance)
     except (TypeError, ValueError) as error:
         if name in str(error):
             raise

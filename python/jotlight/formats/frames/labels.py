@@ -19,7 +19,8 @@ VERSION = 2
 """Value of "version" in a label."""
 
 AS_STATED = (
-    "leave out counts=True (--counts), unpacked=True (--unpacked), and bit_depth= (--bit-depth)"
+    "leave out counts=True (--counts), unpacked=True (--unpacked), bit_depth= (--bit-depth), and "
+    "counts_scale= (--counts-scale)"
 )
 """Advice for a file whose label contradicts the arguments."""
 

@@ -8,43 +8,28 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.frames.orientation import orient_image, orient_packed, parse_orientation
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.sensing.bits.frames import Frames, read_frames
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.parameters.sensor_like import SensorLike
-from jotlight.sensing.parameters.slices import refuse_no_frames, require_slice
+from jotlight.sensing.parameters.slices import refuse_no_frames
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
 
 
-def select(
-    capture: Capture,
-    frames: slice | None,
-    rotate: int,
-    flip: str | None,
-    key: str | None = None,
-) -> Capture:
-    """Return some frames of a capture, rotated and then mirrored.
+def select(capture: Capture, options: ReadingOptions) -> Capture:
+    """Return the frames of a capture that the options state, rotated and then mirrored.
 
-    Parameters
-    ----------
-    capture : Bits or CountStack
-    frames : slice, optional
-        Default: all frames.
-    rotate : int
-        Degrees counterclockwise, a multiple of 90.
-    flip : {"horizontal", "vertical"}, optional
-    key : str, optional
-        Name of the array from which the capture was read, for the provenance.
+    The provenance of the result names the array of the file, if its key is stated.
 
     Raises
     ------
-    TypeError, ValueError
-        When `frames` is not a slice or selects no frame, or the orientation is unknown.
+    ValueError
+        When the options select no frame.
     """
-    if frames is not None:
-        require_slice("frames", frames)
-    quarters = parse_orientation(rotate, flip)
-    notes = [f"the array {key}"] if key is not None else []
+    frames, flip = options.frames, options.flip
+    quarters = parse_orientation(options.rotate, flip)
+    notes = [f"the array {options.key}"] if options.key is not None else []
     if quarters:
         notes.append(f"rotated by {90 * quarters} degrees counterclockwise")
     if flip is not None:

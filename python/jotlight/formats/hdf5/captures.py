@@ -22,7 +22,7 @@ from jotlight.formats.files.limits import (
 )
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
-from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.blocks import read_by_blocks
 from jotlight.formats.frames.labeled import (
     ATTRIBUTE,
@@ -33,6 +33,7 @@ from jotlight.formats.frames.labeled import (
 )
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import DataSet, Hdf5Library
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.interrupts import hold_signals
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
@@ -184,7 +185,7 @@ def _open_data_set(file: FileReader, data_set: DataSet, library: Library) -> Sto
     return StoredArray(blocks, file.size)
 
 
-def open_hdf5(path: Path, options: OpenOptions) -> Capture:
+def open_hdf5(path: Path, options: ReadingOptions) -> Capture:
     """Return the capture in a data set of an HDF5 file."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")

@@ -17,7 +17,7 @@ from jotlight.formats.files.limits import check_claimed_size
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
 from jotlight.formats.files.safe_paths import MAX_SEARCHED, list_below
-from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.labels import COUNTS, READINGS, parse_label
 from jotlight.formats.frames.packing import pack_lazily
@@ -39,6 +39,7 @@ from jotlight.formats.images.tiff_directories import (
 from jotlight.formats.images.tiff_layout import no_counts_error, note_about_axes
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.images.writing import write_png, write_tiff, write_tiff_readings
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.layout import is_single_image
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import warn_about_axes
@@ -53,12 +54,12 @@ _PILLOW_SCALE = {2: 85, 4: 17}
 """Factor by which Pillow scales gray levels to 8 bits, for each depth in bits."""
 
 
-def open_tiff(path: Path, options: OpenOptions) -> Capture:
+def open_tiff(path: Path, options: ReadingOptions) -> Capture:
     """Return the counts in a TIFF file, or in a folder of them in natural order."""
-    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, read_tiff, options.floats)
+    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, read_tiff, options.takes_floats)
 
 
-def open_png(path: Path, options: OpenOptions) -> Capture:
+def open_png(path: Path, options: ReadingOptions) -> Capture:
     """Return the counts in a grayscale PNG, or in a folder of them in natural order.
 
     A PNG with a depth of 1 bit is a frame of bits. The levels of files in a folder are decoded when
@@ -67,7 +68,7 @@ def open_png(path: Path, options: OpenOptions) -> Capture:
     from_header = path.is_dir()
 
     def read(file: Path) -> tuple[Frames, None, None]:
-        if not options.counts:
+        if not options.takes_counts:
             _refuse_estimate(file)
         return read_png(file, from_header=from_header)
 

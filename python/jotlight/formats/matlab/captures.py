@@ -18,12 +18,13 @@ from jotlight.formats.files.checksums import check_seal, file_checksum, is_seale
 from jotlight.formats.files.file_lists import natural_sort_key
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.safe_paths import check_inside
-from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.packing import pack_lazily
 from jotlight.formats.hdf5.captures import load_library
 from jotlight.formats.matlab.files import VARIABLE, open_mat
 from jotlight.formats.matlab.sizes import COMPRESSED, HEADER_BYTES
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.interrupts import interruptible
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
@@ -53,7 +54,7 @@ def _is_matlab(path: Path) -> bool:
     return has_type(path, "matlab")
 
 
-def open_matlab(path: Path, options: OpenOptions) -> Capture:
+def open_matlab(path: Path, options: ReadingOptions) -> Capture:
     """Return the capture in a `.mat` file, or in a folder of parts in natural order."""
     files, notes, info = [path], [], None
     if path.is_dir():
@@ -78,8 +79,8 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
     if not checksums:
         warn_about_axes(path.name, parts[0].shape, frames_last=True)
     provenance = Provenance("matlab", path.name, tuple(notes))
-    if options.counts:
-        return as_count_stack(frames, provenance, floats=options.floats, is_stack=True)
+    if options.takes_counts:
+        return as_count_stack(frames, provenance, floats=options.takes_floats, is_stack=True)
     provenance = provenance.with_notes("each number is one bit, (H, W, T)")
     packed = pack_lazily(frames, path.name)
     if len(packed) == 1:  # a matrix may hold counts, which any number of frames would not fit

@@ -17,7 +17,7 @@ from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.remote_files import remote_file
-from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.count_stacks import as_count_stack, stack_of_readings
 from jotlight.formats.frames.labels import AS_STATED, BITS, COUNTS, READINGS, make_readings_label
 from jotlight.formats.frames.packing import pack_lazily
@@ -34,6 +34,7 @@ from jotlight.formats.npy.description import (
     verify_cube,
     write_described,
 )
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
@@ -46,29 +47,31 @@ _WriteArray = Callable[[IO[bytes], npt.NDArray[Any] | Frames], None]
 """A function that writes an array, `write_npy` or `write_npy_gz`."""
 
 
-def open_npy(path: Path, options: OpenOptions) -> Capture:
+def open_npy(path: Path, options: ReadingOptions) -> Capture:
     """Return the capture in a `.npy` file."""
     description = find_description(path)
     # At a URL, comparing the checksum would read the whole file. Conversions do.
     is_local = remote_file(path) is None
     if is_local and description is not None and description.format in (COUNTS, READINGS):
         check_data(description, path)
-    return _open_array(open_npy_array(path), path, NPY.name, options, options.counts, description)
+    return _open_array(
+        open_npy_array(path), path, NPY.name, options, options.takes_counts, description
+    )
 
 
-def open_npy_gz(path: Path, options: OpenOptions) -> Capture:
+def open_npy_gz(path: Path, options: ReadingOptions) -> Capture:
     """Return the capture in a `.npy.gz` file, which is decompressed as it is read."""
     description = find_description(path)
     verified = description is not None and check_data(description, path)
     frames = stream_npy_gz(path, verified=verified)
-    return _open_array(frames, path, NPY_GZ.name, options, options.counts, description)
+    return _open_array(frames, path, NPY_GZ.name, options, options.takes_counts, description)
 
 
-def open_npz(path: Path, options: OpenOptions) -> Capture:
+def open_npz(path: Path, options: ReadingOptions) -> Capture:
     """Return the capture in one array of a `.npz` archive: counts, unless they are booleans."""
     verified = remote_file(path) is None and verify_npz(path) > 0
     array, label = stream_npz(path, options.key, verified=verified), read_npz_label(path)
-    counts = options.counts
+    counts = options.takes_counts
     if counts is None and array.dtype != np.bool_:
         counts = True
     return _open_array(array, path, NPZ.name, options, counts, label=label)
@@ -78,7 +81,7 @@ def _open_array(
     array: npt.NDArray[Any] | Frames,
     path: Path,
     name: str,
-    options: OpenOptions,
+    options: ReadingOptions,
     counts: bool | None,
     description: Description | None = None,
     label: str | None = None,
@@ -114,11 +117,13 @@ def _open_array(
             f"got {array.dtype} of shape {array.shape}"
         )
     if not counts and is_cube:
-        stated = counts is False or options.packed or options.width is not None
+        stated = counts is False or options.is_packed or options.packed_width is not None
         if description is None and not stated:
             _refuse_photograph(array.shape, path)
-        return open_cube(array, path, name, options.width, description, check=not options.packed)
-    return as_count_stack(array, Provenance(name, path.name), label, floats=options.floats)
+        return open_cube(
+            array, path, name, options.packed_width, description, check=not options.is_packed
+        )
+    return as_count_stack(array, Provenance(name, path.name), label, floats=options.takes_floats)
 
 
 def _open_readings(

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.argument_types import as_path
-from jotlight.checks import whole_number
 from jotlight.errors import SeveralArraysError
 from jotlight.formats.capture import Capture, CountStack, frames_of, with_frames
 from jotlight.formats.files.file_systems import url_state
-from jotlight.formats.format import Format, OpenOptions
+from jotlight.formats.format import Format
 from jotlight.formats.frames.packing import pack_stack
 from jotlight.formats.frames.selection import select
 from jotlight.formats.opening.detect import detect_format
@@ -94,24 +93,10 @@ def _open_once(path: Path, options: ReadingOptions) -> Capture:
         check_choice("format", options.format, FORMATS)
     check_exists(path)
     entry = FORMATS[options.format or detect_format(path)]
-    width = None if options.width is None else whole_number("width", options.width, 1)
-    counts, unpacked = options.takes_counts, options.unpacked
-    if options.holds_readings and (unpacked or counts is False):
-        raise ValueError(
-            "bit_depth: is for images of readings, but bits are requested; leave out unpacked=True "
-            "(--unpacked) and counts=False (--bits)"
-        )
+    counts, unpacked, width = options.takes_counts, options.unpacked, options.width
     _check_options(path, entry, options)
-    arrays = OpenOptions(
-        options.key,
-        True if unpacked else counts,
-        None if unpacked else width,
-        floats=bool(unpacked) or options.holds_means,
-        packed=unpacked is False,
-        isolate=options.isolate,
-    )
     try:
-        capture = entry.open(path, arrays)
+        capture = entry.open(path, options)
         if unpacked and isinstance(capture, CountStack):
             capture = pack_stack(capture)
     except ValueError as error:
@@ -137,7 +122,7 @@ def _open_once(path: Path, options: ReadingOptions) -> Capture:
         actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
         if width != actual:
             raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
-    selected = select(capture, options.frames, options.rotate, options.flip, options.key)
+    selected = select(capture, options)
     data = frames_of(selected)
     if entry.verify is not None and isinstance(data, Frames):
         data.verify = functools.partial(entry.verify, path)
@@ -145,14 +130,10 @@ def _open_once(path: Path, options: ReadingOptions) -> Capture:
 
 
 def _check_options(path: Path, entry: Format, options: ReadingOptions) -> None:
-    """Raise ValueError for options that do not apply to a format, or contradict each other."""
+    """Raise ValueError for options that do not apply to a format."""
     if options.key is not None and not entry.has_keys:
         raise ValueError(
             f"key: names an array in a file of several, but {path} ({entry.name}) has one"
-        )
-    if options.unpacked and options.takes_counts:
-        raise ValueError(
-            "counts: expected at most one of counts and unpacked, got both (--counts, --unpacked)"
         )
     if options.unpacked and entry.fixed_layout:
         raise ValueError(

@@ -1,7 +1,13 @@
 """How a capture is read: the parameters of `jotlight.open`, as one object."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
+
+from jotlight.checks import positive_number, shown, whole_number, whole_number_in_range
+from jotlight.formats.frames.orientation import parse_orientation
+from jotlight.sensing.parameters.reading_checks import MAX_BIT_DEPTH
+from jotlight.sensing.parameters.slices import require_slice
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -10,8 +16,9 @@ class ReadingOptions:
 
     Raises
     ------
-    ValueError
-        When `trials` is stated without `counts_scale`.
+    TypeError, ValueError
+        When a parameter has a wrong type, is out of range, or contradicts another one. The format
+        and the key are compared with the known ones when a capture is read.
 
     Examples
     --------
@@ -36,10 +43,58 @@ class ReadingOptions:
     storage_options: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
+        if self.width is not None:
+            whole_number("width", self.width, 1)
+        if self.frames is not None:
+            require_slice("frames", self.frames)
+        parse_orientation(self.rotate, self.flip)
+        if not isinstance(self.key, str | None):
+            raise TypeError(f"key: expected the name of an array, got {shown(self.key)}")
+        for name in ("counts", "unpacked", "isolate"):
+            value = getattr(self, name)
+            if not (isinstance(value, bool) or (value is None and name != "isolate")):
+                raise TypeError(f"{name}: expected True or False, got {shown(value)}")
+        if not isinstance(self.storage_options, Mapping | None):
+            raise TypeError(
+                "storage_options: expected a dict of options by name, such as {'anon': True}, got "
+                f"{shown(self.storage_options)}"
+            )
+        self._check_numbers()
+        self._check_contradictions()
+
+    def _check_numbers(self) -> None:
+        """Raise TypeError or ValueError for a wrong statement of what the numbers are."""
+        if self.counts_scale is not None:
+            positive_number("counts_scale", self.counts_scale)
+        if self.trials is not None:
+            whole_number("trials", self.trials, 1)
+        if self.bit_depth is not None:
+            whole_number_in_range("bit_depth", self.bit_depth, 2, MAX_BIT_DEPTH)
+
+    def _check_contradictions(self) -> None:
+        """Raise ValueError for parameters that exclude each other."""
         if self.trials is not None and self.counts_scale is None:
             raise ValueError(
                 "trials: states the frames of each mean, together with counts_scale= "
                 "(--counts-scale); counts themselves need Sensor(frames=...) (--frames)"
+            )
+        if self.holds_readings and (self.unpacked or self.counts is False):
+            raise ValueError(
+                "bit_depth: is for images of readings, but bits are requested; leave out "
+                "unpacked=True (--unpacked) and counts=False (--bits)"
+            )
+        if self.holds_means and self.holds_readings:
+            raise ValueError(
+                "counts_scale: is for images of means of frames, and bit_depth= (--bit-depth) for "
+                "images of readings; leave out one of the two (--counts-scale)"
+            )
+        if self.unpacked and (self.counts or self.holds_means):
+            name, option = "counts", "--counts"
+            if self.holds_means:
+                name, option = "counts_scale", "--counts-scale"
+            raise ValueError(
+                f"{name}: expected at most one of {name} and unpacked, got both ({option}, "
+                "--unpacked)"
             )
 
     @property
@@ -54,13 +109,28 @@ class ReadingOptions:
 
     @property
     def takes_counts(self) -> bool | None:
-        """Whether numbers are taken for counts, or for bits. None: their type decides.
+        """Whether numbers are taken for counts, or for packed bits. None: their type decides.
 
-        Means and readings are numbers like counts.
+        Means, readings, and unpacked bits are numbers like counts.
         """
         if self.counts is None and (self.holds_means or self.holds_readings):
             return True
-        return self.counts
+        return True if self.unpacked else self.counts
+
+    @property
+    def takes_floats(self) -> bool:
+        """Whether the numbers may be floats: means of frames, or unpacked bits."""
+        return self.unpacked is True or self.holds_means
+
+    @property
+    def is_packed(self) -> bool:
+        """Whether the caller states that bytes hold eight bits, which needs no check."""
+        return self.unpacked is False
+
+    @property
+    def packed_width(self) -> int | None:
+        """True width in jots of frames of packed bits, if it is stated."""
+        return None if self.unpacked else self.width
 
     def stated(self) -> dict[str, Any]:
         """Return the options that differ from the defaults.

@@ -22,9 +22,10 @@ from jotlight.formats.files.limits import (
 )
 from jotlight.formats.files.remote_files import raise_failure
 from jotlight.formats.files.safe_paths import list_below
-from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.blocks import read_by_blocks
 from jotlight.formats.frames.labeled import ATTRIBUTE, ListedArray, StoredArray, open_stored_array
+from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.formats.zarr.manifest import (
     MANIFEST,
     MANIFESTS,
@@ -52,7 +53,7 @@ def _is_zarr(path: Path) -> bool:
     return any((path / name).is_file() for name in (*METADATA_FILES, *MANIFESTS))
 
 
-def open_zarr(path: Path, options: OpenOptions) -> Capture:
+def open_zarr(path: Path, options: ReadingOptions) -> Capture:
     """Return the capture in an array of a zarr folder."""
     import_zarr()
     if not path.is_dir():
