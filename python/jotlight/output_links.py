@@ -1,4 +1,4 @@
-"""Outputs that are symbolic links."""
+"""Outputs that are symbolic links, and the files beside outputs."""
 
 from pathlib import Path
 
@@ -19,6 +19,26 @@ def follow_link(path: Path) -> Path:
     'a/b.npy'
     """
     return resolve_output(path) if path.is_symlink() else path
+
+
+def name_beside(output: Path, ending: str) -> Path:
+    """Return the path of a file beside an output, whose name is that of the output and an ending.
+
+    If the output is a symbolic link, the file lies beside the file to which it leads. So it is
+    found by all names of the output, and describes no other file if the link is changed.
+
+    Raises
+    ------
+    OSError
+        When links form a loop.
+
+    Examples
+    --------
+    >>> name_beside(Path("a/b.npy"), ".json").as_posix()
+    'a/b.npy.json'
+    """
+    own = follow_link(output)
+    return own.with_name(own.name + ending)
 
 
 def resolve_output(path: Path) -> Path:

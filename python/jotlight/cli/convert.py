@@ -20,6 +20,7 @@ from jotlight.formats.npy.description import companion_files
 from jotlight.formats.opening.locations import file_state, is_url
 from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
+from jotlight.output_links import follow_link
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames
 
@@ -94,7 +95,7 @@ def _convert_one(
     name = choose_output_format(output, to)
     outputs = {output}
     if name in ("npy", "npy.gz"):
-        outputs |= companion_files(output)
+        outputs |= companion_files(follow_link(output))
     check_outputs_of([data] if isinstance(data, Path) else [], outputs)
     opened, checksum = with_checksum(_summable(capture.open(data), data, add_up=add_up))
     record = conversion_record(output)

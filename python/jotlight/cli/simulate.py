@@ -16,10 +16,11 @@ from jotlight.cli.terminal.console import caution, progress, report
 from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
 from jotlight.datasets.moving_scenes.tables import read_poses
 from jotlight.files import atomic_write, check_outputs
-from jotlight.formats.npy.description import companion_files
+from jotlight.formats.npy.description import companion_files, description_path, map_path
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
 from jotlight.layout import MAX_CHANNELS
+from jotlight.output_links import follow_link
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames, Packed
 from jotlight.sensing.parameters.intensity_scale import gray_levels
@@ -126,8 +127,9 @@ def simulate(
     """Simulate the bits that a quanta image sensor reports of a photograph."""
     motion.check()
     exposed = Sensor(**sensor.to_kwargs())
-    maps = [output.with_suffix(f".{name}.npy") for name in exposed.maps()]
-    written = {output, output.with_suffix(".json"), *maps, *companion_files(output)}
+    description = description_path(own := follow_link(output))
+    maps = [map_path(description, name) for name in exposed.maps()]
+    written = {output, description, *maps, *companion_files(own)}
     check_outputs([*written, motion.truth], [photo, *sensor.map_files(), *motion.files()])
     image = as_image(read_image(photo, white=white, gray=gray))
     if image.ndim > 3 or image.shape[2:] > (MAX_CHANNELS,):

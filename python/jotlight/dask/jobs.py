@@ -26,6 +26,7 @@ from jotlight.formats.frames.checked_reading import with_checksum
 from jotlight.formats.writing import write_capture
 from jotlight.images.exposure import display_tone
 from jotlight.images.io import DISPLAYED, image_writer
+from jotlight.output_links import name_beside
 from jotlight.sensing.bits.bits import Bits
 
 
@@ -144,7 +145,7 @@ class ImageJob:
     @property
     def record(self) -> Path:
         """The record beside the image."""
-        return self.output.with_name(f"{self.output.name}.json")
+        return name_beside(self.output, ".json")
 
     def is_complete(self) -> bool:
         """Return whether the image and its record exist."""
@@ -233,7 +234,7 @@ class ConversionJob:
 
 def conversion_record(output: Path) -> Path:
     """Return the path of the record beside a copy in another format."""
-    return output.with_name(f"{output.name}.run.json")
+    return name_beside(output, ".run.json")
 
 
 def conversion_text(run: Record, size: int, checksum: int, content: str = "packed") -> str:

@@ -37,6 +37,29 @@ def test_the_frames_and_the_rotation_are_shown(run, captures, command, name):
     assert lines[place + 1] == "npy: rotated by 90 degrees counterclockwise"
 
 
+@pytest.mark.parametrize(
+    ("command", "record"),
+    [
+        ("reconstruct {0} -m mle", "real.npy.json"),
+        ("reconstruct {0} {1} -m mle", "real.npy.json"),
+        ("film {0} --window 16 -m mle", "real.npy.json"),
+        ("convert {0}", "real.npy.run.json"),
+    ],
+)
+def test_the_record_of_a_linked_output_lies_beside_the_file(run, captures, command, record):
+    Path("disk").mkdir()
+    Path("1-link.npy").symlink_to("disk/real.npy")
+    Path("2-link.npy").symlink_to("disk/other.npy")
+    verb, *words = (word.format(*captures) for word in command.split())
+    several = str(captures[1]) in words
+    output = "{name}-link.npy" if several else "1-link.npy"
+    assert run(verb, *words, "-o", output, *READ)[0] == 0
+    assert Path("disk", record).is_file()
+    assert not list(Path.cwd().glob("*-link.npy*json"))
+    for name in ("1-link.npy", "disk/real.npy"):
+        assert "provenance npy: frames 16:48 of 64" in origin_lines(run, name)
+
+
 def test_all_frames_as_they_are_need_no_row(run, captures):
     assert run("reconstruct", captures[0], "-o", "y.tif", "-m", "mle")[0] == 0
     assert not any(line.startswith("provenance") for line in origin_lines(run, "y.tif"))

@@ -11,6 +11,7 @@ import numpy as np
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
 from jotlight.calibration.jot_mosaics import has_filters_of_jots
+from jotlight.output_links import follow_link, name_beside
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -126,7 +127,7 @@ def record_path(output: Path) -> Path:
     >>> record_path(Path("images/a.npy")).name, record_path(Path("images/a")).name
     ('a.npy.json', 'a.film.json')
     """
-    return output.with_name(f"{output.name}{'' if output.suffix else '.film'}.json")
+    return name_beside(output, ".json" if follow_link(output).suffix else ".film.json")
 
 
 def check_record(path: Path) -> None:
