@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+import jotlight.evaluation.uncertainty as intervals
 from jotlight.datasets import photograph
 from jotlight.estimators.merge_readings import merge_joint
 from jotlight.estimators.readings.merge_near import Merging
@@ -277,6 +278,25 @@ def test_exposures_of_a_wide_range_find_dim_light(gains):
     sensor = jl.Sensor(frames=2, gain=gains)
     bits = sensor.expose(np.full((64, 64), 1e-6), rng=0)
     assert jl.reconstruct(bits).mean() == pytest.approx(1e-6, rel=0.1)
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_intervals_of_many_readings_are_not_those_of_a_network_alone(monkeypatch, channels):
+    # Four readings of 8 bits say as much as thousands of trials. Their reference sensor has four.
+    sensor = jl.Sensor(frames=4, bit_depth=8, gain=800.0)
+    image = np.full((16, 16, *channels), 0.4, np.float32)
+    readings = sensor.expose(image, rng=0, channel_axis=-1 if channels else None)
+    _, info = jl.reconstruct(readings, return_info=True)
+    assert info.method == "held-out"
+    find, found = intervals.find_intervals, []
+
+    def note(*arguments, is_own, **options):
+        found.append(is_own)
+        return find(*arguments, is_own=is_own, **options)
+
+    monkeypatch.setattr(intervals, "find_intervals", note)
+    jl.uncertainty(readings, estimate=image)
+    assert found == [False]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,6 @@ from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     check_precision_of,
-    choose_method,
 )
 from jotlight.evaluation.color.color_data import (
     check_demosaicing,
@@ -36,6 +35,7 @@ from jotlight.evaluation.intervals.color_intervals import (
 )
 from jotlight.evaluation.intervals.intervals import find_intervals
 from jotlight.evaluation.intervals.known_estimate import read_estimate
+from jotlight.evaluation.many_trials import trials_of
 from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request
@@ -213,12 +213,14 @@ def _of_gray_images(
     request: Request,
     estimate: npt.ArrayLike | None,
     confidence_level: float,
+    trials: float | None = None,
 ) -> Uncertainty:
     """Return the uncertainty of the estimates of gray images, in units of intensity.
 
-    Without an estimate, it is computed.
+    Without an estimate, it is computed. For equivalent counts, `trials` is the number of trials by
+    which the method was chosen: that of the readings.
     """
-    method, threads = request.method, request.threads
+    method, quality, threads = request.method, request.quality, request.threads
     if method == EXACT_METHOD:
         find = exact_uncertainty if sensor.has_plain_bits else joint_uncertainty
         return find(images, sensor, confidence_level, threads)
@@ -226,20 +228,22 @@ def _of_gray_images(
         if estimate is None:
             estimate = reconstruct(images, sensor, **request.arguments())
         merged, reference = with_one_response(images, sensor, method, threads)
-        found = _of_gray_images(merged, reference, request, estimate, confidence_level)
+        found = _of_gray_images(
+            merged, reference, request, estimate, confidence_level, trials_of(sensor)
+        )
         return with_saturation(found, images, sensor, threads)
     check_errors_known(method, sensor)
     if estimate is None:
         estimate = reconstruct(images, sensor, **request.arguments())
     values = np.ascontiguousarray(images.layout.split(np.asarray(estimate, np.float32)))
-    takes_colors = takes_channels(images)
-    if request.is_default and (
-        request.choose(sensor, takes_colors=takes_colors).method == COLOR_NETWORK
-    ):
-        return find_channel_intervals(
-            images, values, sensor, confidence_level=confidence_level, threads=threads
-        )
-    network, is_own = _reference(method, request.quality, sensor)
+    if request.is_default:
+        choice = request.choose(sensor, takes_colors=takes_channels(images), trials=trials)
+        if choice.method == COLOR_NETWORK:
+            return find_channel_intervals(
+                images, values, sensor, confidence_level=confidence_level, threads=threads
+            )
+        quality = choice.quality
+    network, is_own = _reference(method, quality, sensor)
     return find_intervals(
         images,
         values,
@@ -306,9 +310,7 @@ def _reference(
     """
     if isinstance(method, Network):
         return (method, True) if _is_measured(method) else (_medium(sensor), False)
-    if method is None and quality is None:
-        quality = choose_method(sensor).quality
-    elif isinstance(method, str):
+    if isinstance(method, str):
         quality = find_method(method).quality
     if quality in _MEASURED_SIZES:
         network = pretrained(sensor, quality)
