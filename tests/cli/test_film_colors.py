@@ -1,10 +1,15 @@
 """`jotlight film` of color mosaics and of color bits."""
 
+import json
+
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.cli.captures.applied_calibration import record_path
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.motion.films.film import film
+from jotlight.networks.pretrained import CHANNELS_FILE, MOSAIC_FILE
 
 
 @pytest.mark.slow
@@ -38,6 +43,10 @@ def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion, frames, model)
     assert "by network, color in" in output
     expected = [jl.reconstruct(image.data) for image in images]
     np.testing.assert_allclose(np.load(tmp_path / "aligned.npy"), expected, atol=1e-5)
+    origin = json.loads(record_path(tmp_path / "aligned.npy").read_text())["origin"]
+    own = file_checksum(CHANNELS_FILE if motion == "shake" else MOSAIC_FILE)
+    assert own in origin["weights_sha256"]
+    assert len(origin["weights_sha256"]) == 2
     assert ("bits agree" in output) == (motion == "shake")
     status, output = run(*arguments, "-o", "plain.npy")
     assert status == 0, output

@@ -13,7 +13,10 @@ import jotlight as jl
 from jotlight.cli.options.capture_options import CaptureOptions
 from jotlight.cli.options.sensor_options import CapturedSensorOptions
 from jotlight.cli.view import _open
+from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.io import read_note
+from jotlight.networks.pretrained import CHANNELS_FILE
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.viewed import Viewed
@@ -58,6 +61,22 @@ def test_the_record_is_that_of_reconstruct(run, moving, tmp_path, ending):
     lines = [" ".join(line.split()) for line in out.splitlines()]
     assert {"capture a.npy", "frames 8:40", "method network-medium"} <= set(lines)
     assert any(line.startswith("motion model=auto") for line in lines)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+def test_an_aligned_mosaic_states_the_network_for_three_channels(tmp_path):
+    scene = jl.datasets.moving(
+        jl.datasets.photograph("astronaut").astype(np.float64),
+        "shake",
+        sensor=jl.Sensor(frames=32, mosaic="RGGB"),
+        shape=(48, 64),
+        photons=0.5,
+        rng=0,
+    )
+    state = ViewState(0, 32, COLOR_NETWORK, align=True)
+    note = note_of(Viewed.from_data(scene.bits), state, "tif", tmp_path)
+    assert file_checksum(CHANNELS_FILE) in note["weights_sha256"]
 
 
 def test_counts_and_differences_are_called_so(moving, tmp_path):

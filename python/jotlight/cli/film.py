@@ -45,6 +45,7 @@ from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.data.alike_frames import repeat_exposures
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -145,7 +146,7 @@ def _write(
                     add(image * scale)
         summary.seconds = time.perf_counter() - start
         aligned = {**motion.facts(), "memory": summary.has_memory} if motion.motion else None
-        facts |= origin_of(job, checksum(), aligned)
+        facts |= origin_of(job, _sensors_of_images(job, summary), checksum(), aligned)
         records.write(files, [outputs.output], job, facts)
     return summary
 
@@ -156,6 +157,15 @@ def _facts_before(job: Reconstruction, outputs: FilmOptions, tone: Tone | None) 
     facts = outputs.metadata(captured.sensor, job.choice.method, captured.provenance)
     spans = {"window": outputs.window, "step": outputs.step or outputs.window}
     return facts | spans | tone_facts(tone) | {"capture": Path(job.path).name}
+
+
+def _sensors_of_images(job: Reconstruction, summary: FilmSummary) -> list[Sensor]:
+    """Return the sensors of the data of the images: merged ones have no mosaic."""
+    sensor, merged = job.captured.sensor, len(summary.accepted)
+    return [
+        *([sensor] if merged < summary.images else []),
+        *([without_mosaic(sensor)] if merged > 0 else []),
+    ]
 
 
 def _has_memory(outputs: FilmOptions, motion: FilmMotionOptions) -> bool:

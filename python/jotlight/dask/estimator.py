@@ -73,7 +73,7 @@ class Estimator:
         `model` is the file of the caller's network.
         """
         return weights_sha256(
-            self.sensor,
+            [self.sensor],
             self.choice.method,
             self.choice.quality,
             model=model,

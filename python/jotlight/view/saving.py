@@ -121,7 +121,8 @@ def _note(
         choice = choose(viewed, state.window, state.method)
         sensor = sensor.replace(max_intensity=choice.max_intensity)
         units = UNITS["intensity"]
-        weights = weights_sha256(sensor, choice.method, choice.quality, is_color=choice.is_color)
+        facts = choice.method, choice.quality
+        weights = weights_sha256([made.sensor], *facts, is_color=choice.is_color)
     largest = 1.0 if state.method == COUNTS else sensor.max_intensity
     part = viewed.part(state.span)
     provenance = part.provenance or viewed.provenance

@@ -33,7 +33,7 @@ def named(name):
 )
 def test_weights_of_pretrained_networks(mosaic, method, quality, files):
     sensor = jl.Sensor(frames=16, mosaic=mosaic)
-    found = weights_sha256(sensor, method, quality, is_color=method == "network-color")
+    found = weights_sha256([sensor], method, quality, is_color=method == "network-color")
     if len(files) == 2:
         assert found == sorted(map(file_checksum, files))
     else:
@@ -44,19 +44,25 @@ def test_weights_of_pretrained_networks(mosaic, method, quality, files):
 def test_a_blend_for_colors_has_the_weights_of_the_color_network_and_of_medium(mosaic, own):
     sensor = jl.Sensor(frames=16, mosaic=mosaic)
     expected = sorted(map(file_checksum, [own, LARGE, named("medium")]))
-    assert weights_sha256(sensor, "held-out", None, is_color=True) == expected
+    assert weights_sha256([sensor], "held-out", None, is_color=True) == expected
     options = {"is_color": True, "is_conditional": True}
-    assert weights_sha256(sensor, "held-out", None, **options) == expected
+    assert weights_sha256([sensor], "held-out", None, **options) == expected
+
+
+def test_a_film_of_which_some_images_are_merged_has_the_weights_of_both_color_networks():
+    sensors = jl.Sensor(frames=16, mosaic="RGGB"), GRAY
+    expected = sorted(map(file_checksum, [CHANNELS_FILE, MOSAIC_FILE, LARGE]))
+    assert weights_sha256(sensors, "network-color", None, is_color=True) == expected
 
 
 def test_a_network_that_falls_back_is_conditional():
-    found = weights_sha256(GRAY, "network-small", "small", is_conditional=True)
+    found = weights_sha256([GRAY], "network-small", "small", is_conditional=True)
     assert found == file_checksum(named("small"))
 
 
 def test_weights_of_the_caller(tmp_path):
     path = tmp_path / "own.safetensors"
     jl.pretrained(GRAY, "small").save(path)
-    assert weights_sha256(GRAY, "network", None, model=path) == file_checksum(path)
+    assert weights_sha256([GRAY], "network", None, model=path) == file_checksum(path)
     with pytest.raises(OSError, match="missing"):
-        weights_sha256(GRAY, "network", None, model=tmp_path / "missing.safetensors")
+        weights_sha256([GRAY], "network", None, model=tmp_path / "missing.safetensors")

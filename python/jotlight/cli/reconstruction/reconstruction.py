@@ -33,6 +33,7 @@ from jotlight.formats.frames.checked_reading import with_checksum
 from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.data.pixel_counts import Data, gray_images
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 
@@ -73,19 +74,21 @@ def reconstruct_image(
             aligned = motion.facts_of(path)
         if merged is None:
             job = dataclasses.replace(job, captured=job.captured.with_sum_provenance())
+        data = captured.summed() if merged is None else merged
+        sensor = job.captured.sensor
+        sensors = [sensor if merged is None else without_mosaic(sensor)]
         title = job.choice.title
         origin = job.captured.provenance
         metadata = outputs.metadata(captured.sensor, job.choice.method, origin)
         if motion.motion:
-            metadata |= origin_of(job, checksum(), aligned)
+            metadata |= origin_of(job, sensors, checksum(), aligned)
             motion.write(files[len(paths) : len(all_paths)], merged, path, metadata)
             found = describe(merged, path)
-        data = captured.summed() if merged is None else merged
         start = time.perf_counter()
         with with_clipping_of(job.choice):
             estimate, ending = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
-        metadata |= origin_of(job, checksum(), aligned)
+        metadata |= origin_of(job, sensors, checksum(), aligned)
         known = None
         if outputs.uncertainty is not None:
             known = _uncertainty(job, data, estimate, outputs, threads)
@@ -112,7 +115,7 @@ def reconstruct_image(
 
 
 def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
-    """Return the reconstruction of all colors together, if its method takes aligned data so.
+    """Return the reconstruction with the choice for the data after an alignment, if it has colors.
 
     `merged` is None for a scene that stands still behind a mosaic.
     """

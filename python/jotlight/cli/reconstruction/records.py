@@ -19,6 +19,7 @@ from jotlight.files import write_file
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.opening.locations import file_state
 from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.sensor import Sensor
 
 _NO_PLACE = (".npy", ".npz")
 """Endings of files that have no place for a note."""
@@ -88,11 +89,15 @@ class Records:
 
 
 def origin_of(
-    job: Reconstruction, checksum: tuple[int, int], motion: Mapping[str, Any] | None
+    job: Reconstruction,
+    sensors: Sequence[Sensor],
+    checksum: tuple[int, int],
+    motion: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
     """Return what a result was made of, and how, in addition to its sensor and method.
 
-    `checksum` is the size and the CRC-32 of the frames, and `motion` is how they were aligned.
+    `sensors` are those of the data of the images, `checksum` is the size and the CRC-32 of the
+    frames, and `motion` is how they were aligned.
     """
     choice, calibration = job.choice, job.calibration
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
@@ -102,7 +107,7 @@ def origin_of(
         f"{content}_bytes": checksum[0],
         f"{content}_crc32": f"{checksum[1]:08x}",
         "weights_sha256": weights_sha256(
-            job.captured.sensor,
+            sensors,
             choice.method,
             choice.quality,
             model=job.model,

@@ -1,5 +1,6 @@
 """The files of the networks that a method runs, for records."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from jotlight.evaluation.choice import FILM_NETWORK
@@ -19,7 +20,7 @@ from jotlight.sensing.sensor import Sensor
 
 
 def weights_sha256(
-    sensor: Sensor,
+    sensors: Sequence[Sensor],
     method: str,
     quality: str | None,
     *,
@@ -31,8 +32,9 @@ def weights_sha256(
 
     Parameters
     ----------
-    sensor : Sensor
-        The sensor of the data. The planes of a mosaic may have different networks.
+    sensors : sequence of Sensor
+        The sensors of the data, such as one with a mosaic, and one without it for merged counts.
+        The planes of a mosaic may have different networks.
     method, quality : str
         The method and the size of its network, as a ``jotlight.evaluation.choice.Choice`` states
         them.
@@ -58,29 +60,30 @@ def weights_sha256(
     Examples
     --------
     >>> sensor = jl.Sensor(frames=16, mosaic="RGGB")
-    >>> len(weights_sha256(sensor, "network-color", None, is_color=True))
+    >>> len(weights_sha256([sensor], "network-color", None, is_color=True))
     2
-    >>> len(weights_sha256(sensor, "held-out", None, is_color=True))
+    >>> len(weights_sha256([sensor], "held-out", None, is_color=True))
     3
-    >>> len(weights_sha256(jl.Sensor(), "network-film", None))
+    >>> len(weights_sha256([jl.Sensor()], "network-film", None))
     2
-    >>> weights_sha256(sensor, "mle", None) is None
+    >>> weights_sha256([sensor], "mle", None) is None
     True
     """
     is_blend = method == BLEND_METHOD
     size = DEFAULT_SIZE if is_blend else quality
     files = set[Path]()
-    if is_color:
-        files.add(CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE)
-        files.add(pretrained_file(sensor, COLOR_START, is_conditional=True))
-    if method == FILM_NETWORK:
-        files |= {FILM_FILE, pretrained_file(sensor, FILM_START, is_conditional=True)}
-    elif size is not None:
-        files |= {
-            pretrained_file(each, size, is_conditional=is_conditional or is_blend)
-            for each in plane_sensors(sensor)
-        }
-    elif model is not None:
-        files.add(model)
+    for sensor in sensors:
+        if is_color:
+            files.add(CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE)
+            files.add(pretrained_file(sensor, COLOR_START, is_conditional=True))
+        if method == FILM_NETWORK:
+            files |= {FILM_FILE, pretrained_file(sensor, FILM_START, is_conditional=True)}
+        elif size is not None:
+            files |= {
+                pretrained_file(each, size, is_conditional=is_conditional or is_blend)
+                for each in plane_sensors(sensor)
+            }
+        elif model is not None:
+            files.add(model)
     weights = sorted(map(file_checksum, files))
     return weights[0] if len(weights) == 1 else weights or None
