@@ -40,6 +40,9 @@ def test_only_the_groups_of_the_video_count(markers):
         '{"crc32": "00000000", "bytes": 1e400, "minimum": 0.0, "maximum": 1.0}',
         '{"crc32": "00000000", "bytes": -1, "minimum": 0.0, "maximum": 1.0}',
         '{"crc32": "00000000", "bytes": 1, "minimum": "a", "maximum": 1.0}',
+        '{"crc32": "00000000", "bytes": 1, "minimum": NaN, "maximum": 1.0}',
+        '{"crc32": "00000000", "bytes": 1, "minimum": 0.0, "maximum": Infinity}',
+        '{"crc32": "00000000", "bytes": 1, "minimum": 2.0, "maximum": 1.0}',
         f'{{"crc32": "{"f" * 3000}", "bytes": 1, "minimum": 0.0, "maximum": 1.0}}',
         f'{{"crc32": "00000000", "bytes": {"9" * 300}, "minimum": 0.0, "maximum": 1.0}}',
     ],
@@ -53,6 +56,16 @@ def test_damaged_markers_have_no_facts(markers, text):
 def test_a_pipe_is_no_marker(markers):
     os.mkfifo(markers.part / "groups/0.json")
     assert markers.read(0) is None
+
+
+def test_a_link_to_a_folder_is_no_marker_and_is_deleted_alone(markers):
+    (markers.part / "array").mkdir()
+    (markers.part / "groups/0.json").symlink_to("../array")
+    assert markers.done() == {0}
+    assert markers.read(0) is None
+    markers.delete(0)
+    assert markers.done() == set()
+    assert (markers.part / "array").is_dir()
 
 
 def test_links_lead_to_no_file_outside(markers, tmp_path_factory):

@@ -59,14 +59,14 @@ class Markers:
         path = self._path(group)
         try:
             facts = read_json(path)
-        except (ValueError, FileNotFoundError, IsADirectoryError):
+        except (ValueError, FileNotFoundError):
             return None
         return facts if _are_facts(facts) else None
 
     def delete(self, group: int) -> None:
         """Delete a marker, whose group is not complete."""
         path = self._path(group)
-        if path.is_dir():
+        if path.is_dir() and not path.is_symlink():
             path.rmdir()  # jotlight makes no such folder; one with content is an error
         else:
             path.unlink(missing_ok=True)
@@ -76,13 +76,15 @@ class Markers:
 
 
 def _are_facts(facts: Record) -> bool:
-    checksum, size = facts.get("crc32"), facts.get("bytes")
+    checksum, size, low, high = map(facts.get, ("crc32", "bytes", "minimum", "maximum"))
     return (
         isinstance(checksum, str)
         and re.fullmatch("[0-9a-f]{8}", checksum) is not None
         and type(size) is int
         and 0 <= size < _MAX_BYTES
-        and all(isinstance(facts.get(name), float) for name in ("minimum", "maximum"))
+        and isinstance(low, float)
+        and isinstance(high, float)
+        and -math.inf < low <= high < math.inf
     )
 
 
