@@ -131,6 +131,7 @@ def _or_constant_velocity(
     The velocities of all segments are tried, because rotations that do not occur may come first.
     `most` is the gain of the best paths found so far.
     """
+    found: Paths | None = None
     tried: list[Array] = []
     for segment in itertools.chain.from_iterable(divisions):
         displacements = segment.velocity * len(blocks.burst)
@@ -141,10 +142,8 @@ def _or_constant_velocity(
         paths = Paths([follow_together(blocks, segment)], np.zeros(blocks.size, np.uint8))
         gain = _gain_over_rest(paths)[0]
         if gain > most:
-            best, most = Found(paths, "affine", None), gain
-    if not tried or best.consistent is not None or best.model == "none":
-        return best
-    return dataclasses.replace(best, consistent=find_consistent(best.paths.exact()))
+            found, most = paths, gain
+    return best if found is None else Found(found, "affine", find_consistent(found.exact()))
 
 
 def _without_wrong_parts(found: Found, still: Found) -> Found:
