@@ -18,11 +18,11 @@ from jotlight.evaluation.color.channels import (
 )
 from jotlight.evaluation.color.color_data import (
     BY_COLOR_NETWORK,
+    check_color_network,
     check_demosaicing,
     check_taken,
     takes_channels,
     takes_mosaic,
-    uses_color_network,
 )
 from jotlight.evaluation.color.mosaics import EstimatePlanes, reconstruct_mosaic
 from jotlight.evaluation.contradictions.bright_pixels import bright_in_first_frames
@@ -255,7 +255,7 @@ def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> t
 def _choice_of_colors(request: Request, sensor: Sensor, *, has_form: bool) -> Choice | None:
     """Return the choice of a method that estimates the colors of a mosaic, or None for planes."""
     if not isinstance(request.method, str | AnyNetwork | None):
-        uses_color_network(sensor, request.demosaicing, is_default=False)  # or raise
+        check_color_network(sensor, request.demosaicing, is_default=False)
         return None
     choice = request.choose(sensor, takes_colors=has_form)
     return choice if choice.is_color else None

@@ -10,7 +10,10 @@ from jotlight.evaluation.choice import (
     choose_method,
     named_method,
 )
-from jotlight.evaluation.color.color_data import check_demosaicing, uses_color_network
+from jotlight.evaluation.color.color_data import (
+    check_color_network,
+    check_demosaicing,
+)
 from jotlight.evaluation.methods import BLEND_METHOD
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
@@ -134,7 +137,7 @@ class Request:
         check_demosaicing(self.demosaicing, sensor)
         if sensor.mosaic is not None and not isinstance(network, ColorNetwork):
             is_default = takes_colors and self.is_default
-            uses_color_network(sensor, self.demosaicing, is_default=is_default)  # or raise
+            check_color_network(sensor, self.demosaicing, is_default=is_default)
         choice = choose_method(
             sensor,
             requested=requested,

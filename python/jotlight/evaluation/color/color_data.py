@@ -128,6 +128,24 @@ def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> 
         )
 
 
+def check_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> None:
+    """Raise ValueError if `demosaicing` requests the color network where it cannot be used.
+
+    The parameters are those of :func:`uses_color_network`.
+
+    Examples
+    --------
+    >>> check_color_network(jl.Sensor(mosaic="RGGB"), "network", is_default=True)
+    >>> check_color_network(jl.Sensor(mosaic="RGGB"), "network", is_default=False)
+    Traceback (most recent call last):
+      ...
+    ValueError: demosaicing: "network" estimates colors from the bits itself: it takes no ...
+    """
+    check_demosaicing(demosaicing, sensor)
+    if demosaicing == BY_COLOR_NETWORK and not (is_default and takes_sensor(sensor)):
+        raise ValueError(f'demosaicing: "network" {_TAKEN}')
+
+
 def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
     """Return whether the color network alone estimates the image of a sensor with a mosaic.
 
@@ -150,9 +168,7 @@ def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: b
     >>> uses_color_network(jl.Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
     True
     """
-    check_demosaicing(demosaicing, sensor)
-    can = is_default and takes_sensor(sensor)
-    if demosaicing == BY_COLOR_NETWORK and not can:
-        raise ValueError(f'demosaicing: "network" {_TAKEN}')
-    is_usual = demosaicing is None and not takes_blend(sensor, trials_of(sensor))
-    return can and (is_usual or demosaicing == BY_COLOR_NETWORK)
+    check_color_network(sensor, demosaicing, is_default=is_default)
+    if demosaicing is not None:
+        return demosaicing == BY_COLOR_NETWORK
+    return is_default and takes_sensor(sensor) and not takes_blend(sensor, trials_of(sensor))
