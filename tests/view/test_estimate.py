@@ -109,6 +109,16 @@ def test_the_color_network_is_recommended_for_three_channels():
         made(viewed_of("plain"), range(2, 7), COLOR_NETWORK)
 
 
+def test_the_color_network_alone_is_refused_for_many_trials_or_another_kernel():
+    bits = jl.Sensor(frames=2000).expose(np.full((8, 8, 3), 0.5), rng=0, channel_axis=-1)
+    message = "up to 1,000 trials .* alone, got 2,000; choose held-out"
+    with pytest.raises(ValueError, match=message):
+        made(Viewed.from_data(bits), range(2000), COLOR_NETWORK)
+    smooth = bits.replace(sensor=bits.sensor.replace(kernel="linear"))
+    with pytest.raises(ValueError, match="the kernel linear; choose another method"):
+        made(Viewed.from_data(smooth), range(4), COLOR_NETWORK)
+
+
 @functools.cache
 def mosaic_bits(motion):
     color = np.stack([PHOTO, PHOTO[::-1], PHOTO[:, ::-1]], axis=2)

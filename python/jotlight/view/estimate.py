@@ -11,8 +11,8 @@ from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice
 from jotlight.evaluation.contradictions.clipping import clipping_of, with_clipping_of
-from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
-from jotlight.evaluation.methods import BLEND_METHOD, METHODS
+from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS, trials_of
+from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import CountStack
@@ -87,13 +87,18 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
     sensor = viewed.sensor(number)
     is_color = method == COLOR_NETWORK  # which is the default for colors, and has no name
     choice = recommend(viewed, number, None if is_color else method)
-    if is_color and choice.method != COLOR_NETWORK:
+    if not is_color or choice.method == COLOR_NETWORK:
+        return choice
+    if choice.is_color:
         raise ValueError(
-            "method: the color network takes three colors, and alone up to "
-            f"{MAX_NETWORK_TRIALS:,} trials per pixel, got {sensor.trials:,} trials and images of "
-            f"shape {viewed.shape}; choose {BLEND_METHOD} for more trials, or another method"
+            f"method: expected up to {MAX_NETWORK_TRIALS:,} trials per pixel for the color network "
+            f"alone, got {trials_of(sensor):,.0f}; choose {choice.method}, which blends it with "
+            "other methods, or a shorter window"
         )
-    return choice
+    raise ValueError(
+        f"method: the color network takes three colors and the box kernel, got images of shape "
+        f"{viewed.shape} and the kernel {sensor.kernel}; choose another method"
+    )
 
 
 def recommend(viewed: Viewable, number: int, method: str | None = None) -> Choice:
