@@ -148,9 +148,11 @@ def test_compare_shows_the_trained_networks_for_every_sensor(run, photo_folder):
         assert "network, medium" in output
 
 
-@pytest.mark.parametrize("quality", ["two-layer", "medium"])
-def test_a_network_falls_back_on_request(run, photo_folder, quality):
-    bits = expose(photo_folder, OTHER)
+@pytest.mark.parametrize(
+    ("sensor", "quality"), [(SUPPORTED, "two-layer"), (OTHER, "two-layer"), (OTHER, "medium")]
+)
+def test_a_network_falls_back_on_request(run, photo_folder, sensor, quality):
+    bits = expose(photo_folder, sensor)
     arguments = ["reconstruct", "bits.npy", "-o", "out.npy", "--quality", quality, "--fallback"]
     status, output = run(*arguments)
     assert status == 0

@@ -19,7 +19,6 @@ from jotlight.evaluation.methods import DEFAULT_METHOD
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import Capture
 from jotlight.networks.color_network import AnyNetwork
-from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits.bits import Bits
 
 
@@ -129,9 +128,6 @@ class Inputs:
                 f"upsample: expected a network, but the method is {choice.method}; leave it out"
             )
         request = request.of_choice(choice)
-        if choice.quality is not None and captured.sensor.mosaic is None:
-            network = pretrained(captured.sensor, choice.quality)
-            request = dataclasses.replace(request, method=network)
         captured = _with_max_intensity(captured, choice.max_intensity)
         white = choice.max_intensity if is_range_known else None
         return Reconstruction(
