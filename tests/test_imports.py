@@ -1,10 +1,14 @@
 """Imports run one way, from the command line down to the base modules."""
 
+import importlib
 import importlib.util
+import re
 import sys
 from pathlib import Path
 
 import pytest
+
+import jotlight
 
 MAX_LAYERS = 10
 
@@ -101,6 +105,20 @@ def make_package(folder, **modules):
         path.with_suffix(".py").write_text(text)
     (folder / "jotlight" / "__init__.py").write_text("from jotlight import high")
     return tool.read_imports(folder / "jotlight")
+
+
+def test_folders_import_their_public_modules_when_they_are_used():
+    package = Path(jotlight.__file__).parent
+    stub = (package / "__init__.pyi").read_text()
+    modules = [
+        (folder, name)
+        for folder, name in re.findall(r"from \.([\w.]+) import (\w+)", stub)
+        if package.joinpath(*folder.split("."), f"{name}.py").exists()
+    ]
+    assert ("estimators", "tv") in modules
+    # Otherwise, the name exists only if something has imported the module before.
+    for folder, name in modules:
+        assert name in importlib.import_module(f"jotlight.{folder}").__all__, name
 
 
 def test_every_kind_of_import_is_found(tmp_path):

@@ -8,3 +8,7 @@ In reading order:
 - ``operators``, ``checked_maps``: the spread of light. ``problem``: the objective of
   reconstruction.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["operators"])
