@@ -108,6 +108,7 @@ def test_a_path_in_place_of_an_image_is_named(folder):
 BITS = jl.Sensor(frames=16).expose(np.full((16, 16), 0.5), rng=0)
 
 
+@pytest.mark.parametrize("data", [BITS, [BITS, BITS]], ids=["bits", "list"])
 @pytest.mark.parametrize(
     ("name", "function"),
     [
@@ -123,11 +124,11 @@ BITS = jl.Sensor(frames=16).expose(np.full((16, 16), 0.5), rng=0)
         ("image", lambda bits: jl.save_image("image.png", bits)),
     ],
 )
-def test_bits_are_no_array_of_numbers(name, function):
+def test_bits_are_no_array_of_numbers(name, function, data):
     with pytest.raises(
         TypeError, match=rf"{name}: expected an array, got Bits; .* bits.counts\(\)"
     ):
-        function(BITS)
+        function(data)
 
 
 RAGGED = [[1], [2, 3]]

@@ -183,9 +183,10 @@ def refuse_masked(
 
 
 def refuse_data(name: str, data: object) -> None:
-    """Raise TypeError for data in place of an array. NumPy would make one of all frames of bits."""
-    if (advice := _ADVICE.get(type(data).__name__)) is not None:
-        raise TypeError(f"{name}: expected an array, got {type(data).__name__}; {advice}")
+    """Raise TypeError for data, or a list of data, of whose frames NumPy would make an array."""
+    for each in data if isinstance(data, list | tuple) else [data]:
+        if (advice := _ADVICE.get(type(each).__name__)) is not None:
+            raise TypeError(f"{name}: expected an array, got {type(each).__name__}; {advice}")
 
 
 def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
@@ -328,8 +329,10 @@ def to_array(name: str, values: Any) -> npt.NDArray[Any]:
         lengths = _different_lengths(values)
         if lengths is None:
             raise
-        text = f"{name}: expected rows of the same length, got {lengths}; fill up or remove some"
-        raise ValueError(text) from error
+        raise ValueError(
+            f"{name}: expected rows of the same length, got {lengths}; fill up the short rows, or "
+            "remove them"
+        ) from error
 
 
 def _different_lengths(values: Any) -> str | None:

@@ -189,7 +189,8 @@ def save_film(
 
 def _check_shape(images: Iterable[npt.ArrayLike]) -> None:
     """Raise TypeError or ValueError if the images are, or look like, a single image or object."""
-    if not isinstance(images, Bits | Readings):
+    # The images of bits, readings, and lists are checked one after another.
+    if not isinstance(images, Bits | Readings | list | tuple):
         refuse_data("images", images)
     shape = getattr(images, "shape", ())
     if len(shape) == 2:
