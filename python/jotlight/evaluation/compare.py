@@ -166,7 +166,8 @@ def compare(
 def default_methods(sensor: Sensor, *, is_color: bool) -> dict[str, str | None]:
     """Return all methods that are installed and serve a sensor, by their titles.
 
-    The color network is one of them if the image `is_color` and the network serves the sensor.
+    The color network is one of them if it is the default: for an image that `is_color`, up to 1,000
+    trials per pixel. Above, the blend on held-out bits contains it.
 
     Examples
     --------

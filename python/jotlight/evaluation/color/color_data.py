@@ -23,8 +23,8 @@ _MIN_KNOWN = 0.9
 """Fraction of the pixels that must have bits of all colors."""
 
 _TAKEN = (
-    "estimates colors from the bits itself: it takes no method, quality, or options, and no "
-    "fallback. Its data are bits, readings, or counts with the same trials in all pixels; "
+    "estimates colors without another method: it takes no method, quality, or options, and "
+    "no fallback. Its data are bits, readings, or counts with the same trials in all pixels; "
     'demosaicing="differences" takes all data'
 )
 """What the color network takes, for messages."""
@@ -139,7 +139,7 @@ def check_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: 
     >>> check_color_network(jl.Sensor(mosaic="RGGB"), "network", is_default=False)
     Traceback (most recent call last):
       ...
-    ValueError: demosaicing: "network" estimates colors from the bits itself: it takes no ...
+    ValueError: demosaicing: "network" estimates colors without another method: it takes no ...
     """
     check_demosaicing(demosaicing, sensor)
     if demosaicing == BY_COLOR_NETWORK and not (is_default and takes_sensor(sensor)):

@@ -27,14 +27,14 @@ Image = npt.NDArray[np.float32]
 def count_image(
     one: GrayData, sensor: Sensor, threads: int | None, mosaic: Mosaic | None = None
 ) -> PixelCounts:
-    """Return the counts of the pixels of one image. Their sensor has plain bits.
+    """Return the counts of the pixels of one image, or equivalent counts of plain bits.
 
     Parameters
     ----------
     one : Bits, Readings, or ndarray of int
         The data of the image.
     sensor : Sensor
-        Their sensor, without its mosaic.
+        The sensor of the data, without its mosaic.
     threads : int, optional
         The number of threads. Default: the number of cores.
     mosaic : Mosaic, optional
