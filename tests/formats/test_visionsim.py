@@ -74,7 +74,7 @@ def test_frames_can_lie_in_a_folder_below_but_not_elsewhere(tmp_path):
     [
         ({"file_path": "../out.npy"}, "a file in the same folder"),
         ({"file_path": "/etc/passwd"}, "a file in the same folder"),
-        ({"file_path": 7}, "a file in the same folder"),
+        ({"file_path": 7}, "a file in the same folder or below, got 7"),
         ({"file_path": "b/../../out.npy"}, "a file in the same folder"),
         ({"w": 99}, "w, c: describe frames"),
         ({"w": "12"}, "expected whole numbers"),

@@ -173,9 +173,11 @@ def _list_frames(content: dict[str, Any]) -> _Listing:
 
 
 def _check_name(name: object) -> str:
-    """Return the name of a file, without the parts that would be different names of one file."""
+    """Return the name of a file in one spelling: "./a.npy" becomes "a.npy"."""
     if not isinstance(name, str):
-        raise ValueError(f"file_path: expected the name of a file in the same folder, got {name!r}")
+        raise ValueError(
+            f"file_path: expected the name of a file in the same folder or below, got {name!r}"
+        )
     return str(PurePath(name)) if name else name
 
 
