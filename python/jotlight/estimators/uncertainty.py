@@ -63,7 +63,7 @@ class Uncertainty:
         The upper end of the confidence interval; S where the data do not bound it, or only beyond
         S.
     unlit : ndarray of bool
-        Whether dark counts alone explain the ones, so that the interval includes 0.
+        Whether the interval includes 0, and dark counts alone explain the ones of the pixel.
     saturated : ndarray of bool
         Whether `high` says nothing about the intensity: all valid bits are 1, so that the data do
         not bound it from above, or the pixel is brighter than S. For maximum likelihood, this is

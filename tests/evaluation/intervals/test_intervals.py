@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 import jotlight as jl
 
@@ -130,6 +131,21 @@ def test_stacks_and_colors_are_those_of_single_images():
         np.testing.assert_array_equal(known.high[index], single.high)
     color = jl.uncertainty(np.moveaxis(stack, 0, -1), SENSOR, channel_axis=-1)
     np.testing.assert_array_equal(color.standard_error, np.moveaxis(known.standard_error, 0, -1))
+
+
+@pytest.mark.parametrize("dark_counts", [0.0, 0.01])
+def test_pixels_beside_lamps_are_unlit_only_if_dark_counts_explain_their_ones(dark_counts):
+    image = 0.1 + 0.4 * jl.datasets.photograph("camera")[128:384:4, 128:384:4]
+    image[:, 56:] = 0
+    image[18:24, 28:34] = 8
+    sensor = jl.Sensor(frames=16, gain=8.0, max_intensity=8.0, dark_counts=dark_counts)
+    bits = sensor.expose(image, rng=0)
+    found, counts = jl.uncertainty(bits), bits.counts()
+    explained = binom.sf(counts - 1, 16, 1 - np.exp(-dark_counts)) >= 0.025
+    reaches_0 = found.low <= 0
+    assert (reaches_0 & ~explained)[:, :56].any()
+    np.testing.assert_array_equal(found.unlit, reaches_0 & explained)
+    assert found.unlit[:, 58:].mean() > 0.8
 
 
 @pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")

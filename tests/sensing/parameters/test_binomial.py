@@ -9,7 +9,15 @@ from jotlight.sensing.parameters.binomial import (
     clopper_pearson,
     squared_sine,
     upper_limit,
+    upper_tail,
 )
+
+
+@pytest.mark.parametrize("p", [0.0, 0.1, 0.8, 1.0])
+def test_the_upper_tail_is_that_of_the_binomial_distribution(p):
+    ones = np.arange(9)
+    expected = binom.sf(ones - 1, 8, p)
+    np.testing.assert_allclose(upper_tail(ones, 8 - ones, np.full(9, p)), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("p", [0.1, 0.5, 0.8])

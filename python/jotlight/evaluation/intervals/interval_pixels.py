@@ -24,7 +24,7 @@ from jotlight.kept import kept_property
 from jotlight.sensing.data.pixel_counts import Estimate, PixelCounts
 from jotlight.sensing.likelihood.reference import Jot, typical_jot
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.parameters.binomial import squared_sine
+from jotlight.sensing.parameters.binomial import squared_sine, upper_tail
 from jotlight.sensing.parameters.response import (
     Array,
     detection_density,
@@ -281,6 +281,19 @@ class Pixels:
             scale = scale * correction(halves, expected, pixel[0])
         return KnownErrors(estimate, scale, halves, model)
 
+    def _find_unlit(self, places: npt.NDArray[np.bool_], tail: float) -> npt.NDArray[np.bool_]:
+        """Return where, of the places, dark counts explain the ones of a pixel.
+
+        The errors of a network beside a lamp, or of a moving edge, may exceed an estimate whose
+        ones are evidence of light.
+        """
+        dark = detection_probability(self.sensor.threshold, np.asarray(self.dark_counts))
+        ones, trials = self.ones[places], self.trials[places]
+        dark = np.broadcast_to(dark, places.shape)[places]
+        unlit = np.zeros_like(places)
+        unlit[places] = upper_tail(ones, trials - ones, dark) >= tail
+        return unlit
+
     def _pixel_of(self, estimate: Estimate) -> tuple[Array, Array]:
         """Return z of a network's estimate, and the local trials."""
         slope = self.relative_slope(estimate)
@@ -328,7 +341,7 @@ class Pixels:
             standard_error=error.astype(np.float32)[None],
             low=np.minimum(low, estimate).astype(np.float32)[None],
             high=np.maximum(high, estimate).astype(np.float32)[None],
-            unlit=((low <= 0) & ~dead)[None],
+            unlit=self._find_unlit((low <= 0) & ~dead, tail)[None],
             saturated=((self.ones == self.trials) & ~dead)[None],
             dead=dead[None],
             unlikely=unlikely[None],

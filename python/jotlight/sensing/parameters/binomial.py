@@ -38,6 +38,27 @@ def squared_sine(z: npt.NDArray[Real]) -> npt.NDArray[Real]:
     return np.asarray(np.sin(z) ** 2)
 
 
+def upper_tail(ones: npt.NDArray[Any], zeros: npt.NDArray[Any], p: Array) -> Array:
+    """Return the probability of so many ones or more among bits that are 1 with probability p.
+
+    Parameters
+    ----------
+    ones, zeros : ndarray of real numbers, any shape
+        Numbers of ones and of zeros.
+    p : ndarray of float64, the same shape
+        The probability of a one.
+
+    Examples
+    --------
+    >>> upper_tail(np.array([0, 1, 2]), np.array([2, 1, 0]), np.full(3, 0.5)).round(4)
+    array([1.  , 0.75, 0.25])
+    """
+    from scipy.special import betainc
+
+    tail = interruptible(betainc)(np.maximum(ones, 1), np.maximum(zeros, 0) + 1, p)
+    return np.asarray(np.where(ones > 0, tail, 1.0))
+
+
 def upper_limit(
     ones: npt.NDArray[Any], zeros: npt.NDArray[Any], tail: float
 ) -> tuple[Array, Array]:
