@@ -63,7 +63,7 @@ def test_the_longest_chain_of_units_is_short(imports):
         ),
         (
             "formats",
-            "capture format files frames raw npy hdf5 matlab images zarr registry opening",
+            "capture files frames format raw npy hdf5 matlab images zarr registry opening",
         ),
         (
             "motion",

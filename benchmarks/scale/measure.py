@@ -48,7 +48,7 @@ from jotlight.dask.running import Cluster, ThisProcess, run_jobs
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import Checksum, WindowCounter
-from jotlight.formats.opening.reading_options import ReadingOptions
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.reading import open_capture
 
 WORKERS = 2

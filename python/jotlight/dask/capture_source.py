@@ -4,9 +4,9 @@ import dataclasses
 import functools
 
 from jotlight.dask.records import Record
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.opening.locations import file_state
 from jotlight.formats.opening.opening import read_capture
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.sensing.bits.bits import Bits
 
 _KEPT = 4

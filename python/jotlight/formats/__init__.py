@@ -11,9 +11,9 @@ a reader returns. Then
 The folders, each of which imports only those before it, and some of the modules above:
 
 - ``files``: parts of files, at paths and URLs, and also from untrusted sources.
-- ``frames``: the frames and counts of a file, and its label.
+- ``frames``: the frames and counts of a file, its label, and how they are read.
 - ``npy``, ``hdf5``, ``matlab``, ``images``, ``zarr``: the families above.
-- ``opening``: which file is opened, and how.
+- ``opening``: which file is opened.
 """
 
 from jotlight.formats.reading import open, open_capture

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jotlight.checks import Counts
 from jotlight.formats.capture import Capture
-from jotlight.formats.opening.reading_options import ReadingOptions
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Packed
 from jotlight.sensing.bits.readings import Readings

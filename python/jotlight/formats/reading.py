@@ -11,11 +11,11 @@ import numpy.typing as npt
 from jotlight.checks import whole_number_in_range
 from jotlight.errors import warn
 from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.frames.scaled import unscale
 from jotlight.formats.frames.with_mosaic import with_mosaic
 from jotlight.formats.opening.locations import expand, is_glob
 from jotlight.formats.opening.opening import read_capture
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.parameters.reading_checks import MAX_BIT_DEPTH

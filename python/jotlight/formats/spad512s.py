@@ -22,7 +22,7 @@ from jotlight.formats.files.magic import file_type
 from jotlight.formats.files.safe_paths import MAX_SEARCHED, list_below
 from jotlight.formats.format import Format, FrameLayout, Writer
 from jotlight.formats.frames.orientation import rotate_packed, transpose_packed
-from jotlight.formats.opening.reading_options import ReadingOptions
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.raw import (
     EXTENSIONS,
     OTHER_EXTENSIONS,

@@ -15,7 +15,7 @@ import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.files.file_lists import list_files
 from jotlight.formats.format import Format, FrameLayout, Writer
-from jotlight.formats.opening.reading_options import ReadingOptions
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.raw import EXTENSIONS, OTHER_EXTENSIONS, check_frame_size, read_raw, write_raw
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Packed

@@ -19,9 +19,9 @@ from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.orientation import transpose_packed
 from jotlight.formats.frames.packing import pack_lazily
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.frames.scaled import unscale
 from jotlight.formats.npy.arrays import open_npy_array, write_npy
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames, read_frames, read_in_chunks

@@ -12,9 +12,9 @@ from jotlight.errors import warn
 from jotlight.formats import FORMATS
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.frames.orientation import FLIPS
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.frames.scaled import unscale
 from jotlight.formats.opening.opening import read_capture
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.sensing.bits.crop import parse_region
 from jotlight.sensing.bits.frames import read_frames
 from jotlight.sensing.data.scaled_counts import SCALES, scaled_counts_hint

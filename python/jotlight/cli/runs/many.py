@@ -25,8 +25,8 @@ from jotlight.dask.running import (
 )
 from jotlight.errors import counted, error_message
 from jotlight.files import check_outputs
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.opening.locations import is_url
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.sensing.bits.bits import Bits
 
 _MAX_SHOWN = 20

@@ -1,7 +1,8 @@
-"""The frames and counts of a file, and its label.
+"""The frames and counts of a file, its label, and how the caller wants them to be read.
 
 In reading order:
 
+- ``reading_options``: the parameters of `jotlight.open`.
 - ``labels``, ``labeled``: the sensor and the provenance of arrays. ``count_stacks``: arrays of
   counts as captures. ``blocks``: frames that are stored in blocks.
 - ``packing``: frames of one bit per number. ``orientation``, ``selection``: rotation, and some of

@@ -13,7 +13,7 @@ from jotlight.formats.files.limits import check_frame_size
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.labels import AS_STATED, BITS, make_bits_label, parse_label
 from jotlight.formats.frames.packing import check_packed, pack_lazily
-from jotlight.formats.opening.reading_options import ReadingOptions
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.layout import is_single_image
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import refuse_many_channels, warn_about_axes

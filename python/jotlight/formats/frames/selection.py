@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.frames.orientation import orient_image, orient_packed, parse_orientation
-from jotlight.formats.opening.reading_options import ReadingOptions
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.sensing.bits.frames import Frames, read_frames
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.parameters.sensor_like import SensorLike

@@ -31,9 +31,9 @@ from jotlight.formats.frames.labeled import (
     bits_label,
     open_stored_array,
 )
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import DataSet, Hdf5Library
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.interrupts import hold_signals
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits

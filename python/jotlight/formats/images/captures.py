@@ -21,6 +21,7 @@ from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.labels import COUNTS, READINGS, parse_label
 from jotlight.formats.frames.packing import pack_lazily
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.images.kept_directories import TiffSource
 from jotlight.formats.images.png_chunks import (
     GRAYSCALE,
@@ -39,7 +40,6 @@ from jotlight.formats.images.tiff_directories import (
 from jotlight.formats.images.tiff_layout import no_counts_error, note_about_axes
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.images.writing import write_png, write_tiff, write_tiff_readings
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.layout import is_single_image
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import warn_about_axes

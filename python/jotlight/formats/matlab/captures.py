@@ -21,10 +21,10 @@ from jotlight.formats.files.safe_paths import check_inside
 from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.packing import pack_lazily
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.hdf5.captures import load_library
 from jotlight.formats.matlab.files import VARIABLE, open_mat
 from jotlight.formats.matlab.sizes import COMPRESSED, HEADER_BYTES
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.interrupts import interruptible
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits

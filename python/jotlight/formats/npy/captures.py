@@ -21,6 +21,7 @@ from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.count_stacks import as_count_stack, stack_of_readings
 from jotlight.formats.frames.labels import AS_STATED, BITS, COUNTS, READINGS, make_readings_label
 from jotlight.formats.frames.packing import pack_lazily
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.npy.archives import finish_npz, read_npz_label, stream_npz, verify_npz
 from jotlight.formats.npy.arrays import open_npy_array, write_npy
 from jotlight.formats.npy.compressed import stream_npy_gz, write_npy_gz
@@ -34,7 +35,6 @@ from jotlight.formats.npy.description import (
     verify_cube,
     write_described,
 )
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits

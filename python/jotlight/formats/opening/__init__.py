@@ -1,8 +1,8 @@
-"""Which file is opened, and how.
+"""Which file is opened.
 
 In reading order:
 
 - ``locations``: paths, URLs, and globs. ``remote``: captures at URLs.
-- ``detect``: the format of a file. ``reading_options``: how the caller wants it to be read.
-- ``opening``: a capture, as these options state.
+- ``detect``: the format of a file.
+- ``opening``: a capture, as the caller wants it to be read.
 """

@@ -11,10 +11,10 @@ from jotlight.formats.capture import Capture, CountStack, frames_of, with_frames
 from jotlight.formats.files.file_systems import url_state
 from jotlight.formats.format import Format
 from jotlight.formats.frames.packing import pack_stack
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.frames.selection import select
 from jotlight.formats.opening.detect import detect_format
 from jotlight.formats.opening.locations import check_exists, files_state, is_url
-from jotlight.formats.opening.reading_options import ReadingOptions
 from jotlight.formats.opening.remote import LocalCopy
 from jotlight.formats.registry import FORMATS
 from jotlight.parameter_names import check_choice

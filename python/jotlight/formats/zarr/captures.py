@@ -25,7 +25,7 @@ from jotlight.formats.files.safe_paths import list_below
 from jotlight.formats.format import Format, Writer
 from jotlight.formats.frames.blocks import read_by_blocks
 from jotlight.formats.frames.labeled import ATTRIBUTE, ListedArray, StoredArray, open_stored_array
-from jotlight.formats.opening.reading_options import ReadingOptions
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.zarr.manifest import (
     MANIFEST,
     MANIFESTS,

@@ -9,8 +9,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats import open_capture
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.opening.opening import read_capture
-from jotlight.formats.opening.reading_options import ReadingOptions
 
 
 def test_the_options_are_the_parameters_of_open():
