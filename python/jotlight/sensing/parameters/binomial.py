@@ -39,7 +39,7 @@ def squared_sine(z: npt.NDArray[Real]) -> npt.NDArray[Real]:
 
 
 def upper_tail(ones: npt.NDArray[Any], zeros: npt.NDArray[Any], p: Array) -> Array:
-    """Return the probability of so many ones or more among bits that are 1 with probability p.
+    """Return the probability of these numbers of ones or more, if bits are 1 with probability p.
 
     Parameters
     ----------
