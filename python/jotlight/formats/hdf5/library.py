@@ -143,18 +143,14 @@ def _release_lock(file: Any) -> None:
 
 
 def _layout(item: Any) -> str:
-    """Return which of the layouts a data set has.
-
-    To ask a virtual data set for its shape, the library would open the files of its parts.
-    """
+    """Return the layout of a data set. The files of a virtual one are opened to know its shape."""
     if item.is_virtual:
         return "virtual"
     return "external" if item.external else "ordinary"
 
 
 def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
-    layout = _layout(item)
-    if layout != "ordinary":
+    if (layout := _layout(item)) != "ordinary":
         return DataSet(path, name, (), item.dtype.str, 0, 0, 0, 0, layout, None, False)
     label, ignored = None, False
     if attribute in item.attrs:
