@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation import mosaics
+from jotlight.evaluation.color import mosaics
 from jotlight.evaluation.held_out import COLORS_NAME, NAMES, held_out
 from jotlight.networks.pretrained import pretrained_conditional
 

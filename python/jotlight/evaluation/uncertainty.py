@@ -15,10 +15,7 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.readings.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
-from jotlight.evaluation.choice import (
-    COLOR_NETWORK,
-    check_precision_of,
-)
+from jotlight.evaluation.choice import COLOR_NETWORK, check_precision_of
 from jotlight.evaluation.color.color_data import (
     check_demosaicing,
     takes_channels,
