@@ -23,6 +23,7 @@ use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayViewMut3, ArrayViewMut4, s};
 
+use crate::bits::contiguous;
 use crate::error::{Error, Result, check_shape};
 use crate::images::for_each_image;
 use crate::likelihood::Threshold;
@@ -76,7 +77,10 @@ fn check_rows<F: Real>(
     let rows = values.slice(s![rows, ..]);
     match rows.to_slice() {
         Some(values) => check_not_negative(what, values),
-        None => check_not_negative(what, &rows.iter().copied().collect::<Vec<_>>()),
+        None => {
+            let mut rows = rows.rows().into_iter();
+            rows.try_for_each(|row| check_not_negative(what, &contiguous(row)))
+        }
     }
 }
 
