@@ -4,7 +4,7 @@ use jotlight::likelihood::{Readings, Threshold};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 
-use crate::arguments::{PyAdmmStep, PyValues};
+use crate::arguments::{PyAdmmStep, PyValues, check_length};
 use crate::{run, to_python};
 
 /// The readings of a sensor, as the tuple (threshold, ones, trials, efficiency, dark counts).
@@ -107,6 +107,7 @@ pub fn likelihood_admm_update(
     threads: Option<isize>,
 ) -> PyResult<Vec<f64>> {
     let (readings, steps) = (readings.to_engine()?, step.to_engine()?);
+    check_length("penalties", light.as_array().dim().0, steps.len())?;
     let (light, x, dual) = (light.as_slice()?, x.as_slice_mut()?, dual.as_slice_mut()?);
     run(py, threads, || {
         readings.admm_update(&steps, max_light, light, x, dual)

@@ -9,7 +9,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use crate::arguments::PyValues;
+use crate::arguments::{PyValues, check_length};
 use crate::{run, to_python};
 
 /// The response of a pixel, as the tuple (threshold, light at intensity 1, maximum intensity).
@@ -113,8 +113,13 @@ pub fn equivalent_counts(
 ) -> PyResult<()> {
     let (response, reference) = (response.to_engine()?, reference.to_engine());
     let (trials, jots) = (trials.to_engine()?, jots.to_engine()?);
-    let (counts, out) = (counts.as_slice()?, out.as_slice_mut()?);
     let reference_trials = reference_trials.as_slice()?;
+    check_length(
+        "reference trials",
+        counts.as_array().dim().0,
+        reference_trials.len(),
+    )?;
+    let (counts, out) = (counts.as_slice()?, out.as_slice_mut()?);
     run(py, threads, || {
         mle::equivalent_counts(
             &response,
@@ -163,8 +168,10 @@ pub fn mle_from_jots(
 ) -> PyResult<()> {
     let response = response.to_engine()?;
     let dead = dead.as_ref().map(PyReadonlyArray1::as_slice).transpose()?;
-    let pixels = out.as_array().dim().1;
+    let (images, pixels) = out.as_array().dim();
+    check_length("ones", images, ones.as_array().dim().0)?;
     let size = (pixels.checked_div(width).unwrap_or_default(), width);
+    check_length("rows of pixels", pixels, size.0 * size.1)?;
     let counts = JotCounts {
         ones: ones.as_slice()?,
         responses: jots.to_engine()?,
