@@ -85,17 +85,21 @@ def _advice(data: object) -> str:
         return f'{cast}; jotlight.save_image("image.tif", image) writes an image'
     if isinstance(data, Merged):
         return '; numpy.savez("merged.npz", ones=merged.ones, trials=merged.trials) writes them'
-    if isinstance(data, list | tuple) and all(isinstance(each, Bits) for each in data):
+    if _are_bits(data):
         return "; write each of them to a file of its own"
     return "; their own method save writes them" if hasattr(data, "save") else ""
+
+
+def _are_bits(data: object) -> bool:
+    """Return whether data are a list of bits."""
+    return isinstance(data, list | tuple) and all(isinstance(each, Bits) for each in data)
 
 
 def _checked_counts(data: object) -> Counts:
     """Return an image of counts after a check."""
     # Lists of bits, and other objects, would become arrays that are no counts.
-    is_array = isinstance(data, list | tuple) or (
-        hasattr(data, "__array__") and not isinstance(data, Merged)
-    )
+    looks_like_one = isinstance(data, list | tuple) or hasattr(data, "__array__")
+    is_array = looks_like_one and not (isinstance(data, Merged) or _are_bits(data))
     counts = to_array("data", data) if is_array else np.array(None)
     if counts.dtype.kind not in "iu":
         kind = getattr(data, "dtype", type(data).__name__)
