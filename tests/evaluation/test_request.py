@@ -64,7 +64,7 @@ def test_settings_that_do_not_belong_together_are_refused(settings, message):
 
 
 def test_the_demosaicing_by_the_color_network_needs_data_that_it_takes():
-    message = 'demosaicing: "network" estimates colors from the bits'
+    message = 'demosaicing: "network" estimates colors without another'
     with pytest.raises(ValueError, match=message):
         Request(demosaicing="network").choose(MOSAIC, takes_colors=False)
     with pytest.raises(ValueError, match=f"{message} itself: it takes no .* fallback"):
