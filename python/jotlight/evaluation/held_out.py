@@ -177,15 +177,15 @@ def blend(
     """
     if (reason := smooth_kernel_reason(sensor)) is not None:
         raise ValueError(f"sensor: {reason}")
-    runs: list[Run] = [
+    functions: list[EstimateImages] = [
         lambda images: network.reconstruct(images, sensor, threads=threads),
         lambda images: admm_tv(images, sensor, threads=threads),
         lambda images: mle(images, sensor, threads=threads),
     ]
-    methods = list(map(Method, NAMES, runs))
+    methods = list(map(BlendedMethod, NAMES, functions))
     if is_color:
         by_colors = partial(reconstruct_channels, sensor=sensor, out=None, threads=threads)
-        methods.insert(0, Method(COLORS_NAME, by_colors, COLORS))
+        methods.insert(0, BlendedMethod(COLORS_NAME, by_colors, COLORS))
     estimates, shares = [], []
     for part in images.parts(sensor, together=methods[0].together):
         pixels = part.count(sensor, threads)
@@ -194,7 +194,7 @@ def blend(
         for weight, method in zip(weights, methods, strict=True):
             if len(places := method.places(weight)):
                 with hide_warnings(NO_VALID_BIT):
-                    total[places] += weight[places] * method.run(part.select(places.tolist()))
+                    total[places] += weight[places] * method.estimate(part.select(places.tolist()))
         if pixels.dead_pixels is not None:
             warn_about_dead_pixels(pixels.dead_pixels)
         estimates.append(np.clip(total, 0, np.float32(sensor.max_intensity)))
@@ -219,15 +219,15 @@ def smooth_kernel_reason(sensor: Sensor) -> str | None:
     )
 
 
-Run = Callable[[GrayImages], Estimate]
+EstimateImages = Callable[[GrayImages], Estimate]
 """A function that returns the estimates (N, H, W) of images."""
 
 
-class Method(NamedTuple):
+class BlendedMethod(NamedTuple):
     """A method of the blend."""
 
     name: str
-    run: Run
+    estimate: EstimateImages
     together: int = 1
     """Number of successive images that it estimates together."""
 
@@ -237,7 +237,9 @@ class Method(NamedTuple):
         return np.flatnonzero(np.repeat(used, self.together))
 
 
-def _choose_weights(methods: list[Method], pixels: PixelCounts, threads: int | None) -> Estimate:
+def _choose_weights(
+    methods: list[BlendedMethod], pixels: PixelCounts, threads: int | None
+) -> Estimate:
     """Return the weight of each method at each pixel, (M, N, H, W)."""
     sensor = pixels.sensor
     each = [pixels.select([place]) for place in range(len(pixels.counts))]
@@ -254,7 +256,7 @@ def _choose_weights(methods: list[Method], pixels: PixelCounts, threads: int | N
     ]
     stack = GrayImages(training, Layout((len(training),)))
     with hide_warnings():  # the estimates from all bits warn, too
-        estimates = np.stack([method.run(stack) for method in methods], axis=1)
+        estimates = np.stack([method.estimate(stack) for method in methods], axis=1)
     lights = estimates.astype(np.float64) * sensor.light_per_intensity
     weights = [
         weights_of_image(one, *bits, own, threads)
