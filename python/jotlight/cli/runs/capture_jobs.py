@@ -170,25 +170,23 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
     """Return the method as the workers run it. Captures of equal sensors share one object."""
     sensor = sensors.setdefault(job.captured.sensor, job.captured.sensor)
     check_countable(sensor)
-    network = _own_network(job, inputs)
-    if sensor.kernel != "box" and job.choice.quality is None and network is None:
+    _refuse_color_network(job, inputs)
+    has_network = job.choice.quality is not None or isinstance(job.request.method, Network)
+    if sensor.kernel != "box" and not has_network:
         raise ValueError(
             f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
             "which counts are not enough; reconstruct each capture by itself, as a whole"
         )
-    request = dataclasses.replace(job.request, method=network, threads=1)
-    return checked(Estimator(sensor, request, job.choice))
+    return checked(Estimator(sensor, job.request.with_threads(1), job.choice))
 
 
-def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
-    """Return the network of the user, or None."""
-    method = job.request.method
-    if isinstance(method, ColorNetwork):
+def _refuse_color_network(job: Reconstruction, inputs: Inputs) -> None:
+    """Raise ValueError if the network of the user is a color network."""
+    if isinstance(job.request.method, ColorNetwork):
         raise ValueError(
             f"{inputs.method.model}: a color network reconstructs each capture by itself, as "
             "a whole; leave out --model for the pretrained one"
         )
-    return None if inputs.method.model is None or not isinstance(method, Network) else method
 
 
 def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> dict[str, Any]:
