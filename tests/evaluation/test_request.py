@@ -64,10 +64,10 @@ def test_settings_that_do_not_belong_together_are_refused(settings, message):
 
 
 def test_the_demosaicing_by_the_color_network_needs_data_that_it_takes():
-    message = 'demosaicing: "network" estimates colors without another'
+    message = 'demosaicing: "network" estimates colors without'
     with pytest.raises(ValueError, match=message):
         Request(demosaicing="network").choose(MOSAIC, takes_colors=False)
-    with pytest.raises(ValueError, match=f"{message} itself: it takes no .* fallback"):
+    with pytest.raises(ValueError, match=f"{message} another method: it takes no .* fallback"):
         Request(demosaicing="network", fallback=True).choose(MOSAIC, takes_colors=True)
 
 

@@ -145,7 +145,7 @@ def test_three_channels_are_estimated_by_the_color_network(run, captures):
     ("options", "message"),
     [
         (("--demosaicing", "linear"), "expected one of network, menon, differences, got"),
-        (("--demosaicing", "network", "-m", "mle"), '"network" estimates colors from the bits'),
+        (("--demosaicing", "network", "-m", "mle"), '"network" estimates colors without'),
         (("--mosaic", "RGBW", "--demosaicing", "menon"), "menon is for RGGB, BGGR, GRBG, and GBRG"),
     ],
 )

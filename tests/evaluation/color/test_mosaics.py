@@ -127,7 +127,7 @@ def test_maps_of_trials_have_planes_by_default():
     counts, trials = sensor.expose(SCENE[:32, :32], rng=0).counts(), np.full((32, 32), 8.0)
     _, info = jl.reconstruct(counts, sensor, trials=trials, return_info=True)
     assert info.title == "network, medium, color differences"
-    with pytest.raises(ValueError, match='demosaicing: "network" estimates colors without another'):
+    with pytest.raises(ValueError, match='demosaicing: "network" estimates colors without'):
         jl.reconstruct(counts, sensor, trials=trials, demosaicing="network")
 
 
