@@ -151,7 +151,7 @@ def test_empty_counts_have_the_shape_of_colors():
     [
         ("RGGB", {"demosaicing": "linear"}, "expected one of network, menon, differences, got"),
         ("RGBW", {"demosaicing": "menon"}, "menon is for RGGB"),
-        ("RGGB", {"demosaicing": "network", "method": "mle"}, '"network" estimates colors from'),
+        ("RGGB", {"demosaicing": "network", "method": "mle"}, '"network" estimates colors without'),
         (None, {"demosaicing": "differences"}, "demosaicing: is for a sensor with a mosaic"),
         (RANDOM.crop(range(20), range(20)), {}, "expected a map of 30 x 32 pixels"),
         ("RGGB", {"method": jl.pretrained(jl.Sensor(frames=9), "small")}, "network"),
