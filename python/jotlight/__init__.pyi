@@ -40,6 +40,7 @@ from .evaluation.reconstruct import reconstruct as reconstruct
 from .evaluation.uncertainty import uncertainty as uncertainty
 from .formats import open as open
 from .formats import save as save
+from .formats.frames.raw_layout import RawLayout as RawLayout
 from .images.io import read_image as read_image
 from .images.saving import save_film as save_film
 from .images.saving import save_image as save_image

@@ -45,7 +45,7 @@ def capture(tmp_path):
         (["capture.npy", "--region", "0:8,0:8"], "`jotlight convert --region` writes a part"),
         (["capture.npy", "--port", "70000"], "port: expected 0 to 65535"),
         (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),
-        (["capture.npy", "--shape", "16x24"], "shape: is for a capture that grows; add --follow"),
+        (["capture.npy", "--layout", "16x24"], "expected raw frames, but its first bytes are"),
         (["capture.npy", "--history", "9"], "history: is for a capture that grows; add --follow"),
         (["capture.npy", "--follow", "--rotate", "90"], "--rotate is for complete captures"),
         (["capture.npy", "--follow", "--counts"], "--counts is for complete captures"),
@@ -53,12 +53,12 @@ def capture(tmp_path):
         (["capture.npy", "--follow", "--read-noise", "0.2"], "--read-noise is for complete"),
         (["capture.npy", "--follow", "--gain", "8,1,..."], "--gain with several values is for"),
         (["capture.npy", "--follow", "--width", "60"], "width: expected 17 to 24, since a row"),
-        (["raw.bin", "--follow", "--shape", "16x24", "--width", "24"], "--width is for a .npy or"),
+        (["raw.bin", "--follow", "--layout", "16x24", "--width", "24"], "--width is for a .npy or"),
         (["capture.npy", "--follow", "--key", "bits"], "--key is for a folder of files"),
-        (["capture.npy", "--follow", "--shape", "16x24"], "leave out --shape"),
+        (["capture.npy", "--follow", "--layout", "16x24"], "leave out --layout"),
         (["capture.npy", "--follow", "--format", "swissspad2"], "leave out --format"),
         (["capture.npy", "--follow", "--format", "hdf5"], "spad512s, or npy, since --follow"),
-        (["capture.npy", "--follow", "--shape", "5"], "shape: expected rows and columns"),
+        (["capture.npy", "--follow", "--layout", "5"], "layout: expected rows and columns"),
         (["capture.npy", "--follow", "--format", "x"], "format: expected one of"),
     ],
 )
@@ -117,7 +117,7 @@ def test_the_command_says_that_it_waits_for_the_first_frame(tmp_path):
     pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
     path = tmp_path / "a.bin"
     path.touch()
-    command = [sys.executable, "-m", "jotlight", "view", str(path), "--follow", "--shape", "8x8"]
+    command = [sys.executable, "-m", "jotlight", "view", str(path), "--follow", "--layout", "8x8"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout.readline().decode().endswith("a.bin: waiting for the first frame\n")
         path.write_bytes(bytes(8))
@@ -131,7 +131,7 @@ def test_the_command_says_that_it_waits_for_the_first_frame(tmp_path):
 @pytest.mark.parametrize("kind", ["file", "pipe"])
 def test_the_command_prints_an_address_that_works_and_ends_on_a_signal(capture, stop, kind):
     pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
-    arguments = [str(capture)] if kind == "file" else ["-", "--follow", "--shape", "16x24"]
+    arguments = [str(capture)] if kind == "file" else ["-", "--follow", "--layout", "16x24"]
     command = [sys.executable, "-m", "jotlight", "view", *arguments]
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     with subprocess.Popen(command, **pipes, env=os.environ) as process:

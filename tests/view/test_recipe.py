@@ -260,7 +260,7 @@ def test_a_live_capture_has_neither(tmp_path):
     from jotlight.view.live.options import LiveOptions, open_live
 
     (tmp_path / "a.bin").write_bytes(bytes(8))
-    live = open_live(tmp_path / "a.bin", LiveOptions(shape="8x8"), {"frames": 1})
+    live = open_live(tmp_path / "a.bin", LiveOptions(layout="8x8"), {"frames": 1})
     try:
         assert recipe(live, ViewState()) == {"command": None, "python": None}
     finally:

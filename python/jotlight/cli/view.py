@@ -67,18 +67,10 @@ class FollowOptions:
         bool,
         Parameter(
             help="Show the newest frames of a file or folder that grows, or of standard input if "
-            "the capture is -. The frames are raw ones, with --format or --shape, or those of a "
+            "the capture is -. The frames are raw ones, with --format or --layout, or those of a "
             ".npy, or files that appear in a folder."
         ),
     ] = False
-    shape: Annotated[
-        str | None,
-        Parameter(
-            help="Rows and columns of raw packed frames without a header, such as 256x512: eight "
-            "bits to a byte, the most significant first, each row in whole bytes. Default: those "
-            "of --format."
-        ),
-    ] = None
     history: Annotated[
         int, Parameter(help="Memory in MiB for the most recent frames, which you can go back to.")
     ] = 256
@@ -138,9 +130,8 @@ def view(
 
 def _refuse_live_options(follow: FollowOptions) -> None:
     """Raise ValueError for an option that only a capture that grows has."""
-    for name in ("shape", "history"):
-        if getattr(follow, name) != getattr(FollowOptions(), name):
-            raise ValueError(f"{name}: is for a capture that grows; add --follow, or leave it out")
+    if follow.history != FollowOptions().history:
+        raise ValueError("history: is for a capture that grows; add --follow, or leave it out")
 
 
 def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Viewed:
@@ -306,7 +297,7 @@ def _follow(
     kwargs = {"frames": 1, **sensor.to_kwargs()}
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     is_known = sensor.max_intensity is not None
-    options = LiveOptions(capture.format, follow.shape, follow.history, arguments)
+    options = LiveOptions(capture.format, capture.layout, follow.history, arguments)
     waiting = threading.Timer(_PATIENCE, report, (f"{path}: waiting for the first frame",))
     waiting.daemon = True
     waiting.start()

@@ -4,7 +4,8 @@
 a reader returns. Then
 
 - ``swissspad``, ``spad512s``, ``visionsim``, and the folders ``npy``, ``hdf5``, ``matlab``,
-  ``images``, and ``zarr`` each read and write one family. ``raw`` helps those without a header;
+  ``images``, and ``zarr`` each read and write one family. ``raw`` helps those without a header,
+  and ``stated_layout`` reads all others without one;
 - ``reading`` is `jotlight.open`, ``writing`` is `jotlight.save`, and ``verification`` detects
   changes of a file since jotlight wrote it.
 

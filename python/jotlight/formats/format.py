@@ -3,6 +3,10 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from jotlight.checks import Counts
 from jotlight.formats.capture import Capture
@@ -39,14 +43,21 @@ class Writer:
 
 @dataclasses.dataclass(frozen=True)
 class FrameLayout:
-    """The layout of raw frames that follow each other in a file without a header."""
+    """The layout of raw frames that follow each other in a file."""
 
     shape: tuple[int, int]
-    """(H, ceil(W / 8)): the shape of a packed frame. A raw frame has the same number of bytes."""
+    """(H, ceil(W / 8)): the shape of a packed frame; (H, W) for numbers."""
     width: int
     """W."""
-    decode: Callable[[Packed], Packed]
-    """A function that returns packed frames (n, H, ceil(W / 8)) for raw bytes (n, size)."""
+    frame_bytes: int
+    """Number of bytes of a raw frame."""
+    decode: Callable[[Packed], npt.NDArray[Any]]
+    """A function that returns packed frames (n, H, ceil(W / 8)), or numbers (n, H, W), for the raw
+    bytes (n, frame_bytes)."""
+    file_header: int = 0
+    """Number of bytes before the first frame of a file."""
+    dtype: npt.DTypeLike = np.uint8
+    """The type of packed frames or of numbers."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,11 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
 
 from jotlight.errors import counted, warn
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats.files.file_reader import FileReader
 from jotlight.formats.files.magic import file_type
+from jotlight.formats.format import FrameLayout
 from jotlight.formats.npy.compressed import Stream, measure_gzip, naming_file, open_gzip
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
@@ -70,57 +74,51 @@ class RawFile:
 
 
 def read_raw(
-    files: Sequence[Path],
-    shape: tuple[int, int],
-    decode: Callable[[Packed], Packed],
-    trailer: bytes = b"",
-) -> Packed | Frames:
+    files: Sequence[Path], layout: FrameLayout, trailer: bytes = b""
+) -> npt.NDArray[Any] | Frames:
     """Return the frames of several files as one stack.
 
     Parameters
     ----------
     files : sequence of paths
-    shape : tuple of int
-        (H, W / 8), the shape of a packed frame. A raw frame has the same number of bytes.
-    decode : callable
-        A function that returns packed frames (n, H, W / 8) for raw bytes (n, H * W / 8).
+    layout : FrameLayout
+        The layout of their frames.
     trailer : bytes
         Bytes that may follow the last frame of a file.
 
     Returns
     -------
-    Frames or ndarray of uint8, shape (T, H, W / 8)
+    Frames or ndarray, shape (T, H, ceil(W / 8)), or (T, H, W) for numbers
 
     Raises
     ------
     ValueError
         When no file has a complete frame.
     """
-    frames = concatenate([_read_raw_file(file, shape, decode, trailer) for file in files])
+    frames = concatenate([_read_raw_file(file, layout, trailer) for file in files])
     if len(frames) == 0:
         where = f"any of {len(files)} files" if len(files) > 1 else "it"
         raise ValueError(
-            f"{files[0]}: expected frames of {shape[0] * shape[1]} bytes each, got no complete one "
+            f"{files[0]}: expected frames of {layout.frame_bytes} bytes each, got no complete one "
             f"in {where}"
         )
     return frames
 
 
-def _read_raw_file(
-    path: Path, shape: tuple[int, int], decode: Callable[[Packed], Packed], trailer: bytes
-) -> Frames:
-    frame_bytes = shape[0] * shape[1]
+def _read_raw_file(path: Path, layout: FrameLayout, trailer: bytes) -> Frames:
+    frame_bytes = layout.frame_bytes
     file = RawFile(path, trailer)
-    number, left = divmod(file.size, frame_bytes)
+    number, left = divmod(max(0, file.size - layout.file_header), frame_bytes)
     if left:
         complete = counted(number, "complete frame")
         warn(f"{path}: {complete} of {frame_bytes} bytes; {left} bytes are left over and not used")
 
-    def read(start: int, stop: int) -> Packed:
-        raw = file.read(start * frame_bytes, (stop - start) * frame_bytes)
-        return decode(raw.reshape(stop - start, frame_bytes))
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        position = layout.file_header + start * frame_bytes
+        raw = file.read(position, (stop - start) * frame_bytes)
+        return layout.decode(raw.reshape(stop - start, frame_bytes))
 
-    return Frames((number, *shape), read)
+    return Frames((number, *layout.shape), read, layout.dtype)
 
 
 def check_frame_size(bits: Bits, shape: tuple[int, int], name: str) -> None:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from jotlight.checks import whole_number_in_range
 from jotlight.errors import warn
 from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.frames.raw_layout import RawLayout, as_layout
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.frames.scaled import unscale
 from jotlight.formats.frames.with_mosaic import with_mosaic
@@ -29,6 +30,7 @@ def open(
     path: str | os.PathLike[str],
     *,
     format: str | None = None,
+    layout: RawLayout | str | None = None,
     width: int | None = None,
     frames: slice | None = None,
     rotate: int = 0,
@@ -56,7 +58,10 @@ def open(
         except for those compressed by gzip, which are fetched as a whole.
     format : str, optional
         One of ``jotlight.formats.FORMATS``. Default: detected from the content. Raw frames
-        (`.bin`) have no header, so their format is required.
+        (`.bin`) have no header, so their format or their layout is required.
+    layout : jotlight.RawLayout or str, optional
+        The layout of raw frames without a format, such as ``"256x512"``: rows and columns of bits,
+        eight to a byte. :meth:`jotlight.RawLayout.parse` describes the text.
     width : int, optional
         True width in jots. Default: the width that the file states, or else a multiple of 8.
     frames : slice, optional
@@ -135,6 +140,7 @@ def open(
     # the other results without a check of their type.
     options = ReadingOptions(
         format=format,
+        layout=None if layout is None else str(as_layout(layout)),
         width=width,
         frames=frames,
         rotate=rotate,

@@ -6,6 +6,7 @@ from jotlight.formats.images.captures import PNG, TIFF
 from jotlight.formats.matlab.captures import MATLAB
 from jotlight.formats.npy.captures import NPY, NPY_GZ, NPZ
 from jotlight.formats.spad512s import SPAD512S, SPAD512S_SPARSE
+from jotlight.formats.stated_layout import RAW
 from jotlight.formats.swissspad import SWISSSPAD2, SWISSSPAD2_FULL
 from jotlight.formats.visionsim import VISIONSIM
 from jotlight.formats.zarr.captures import ZARR
@@ -23,6 +24,7 @@ _ALL = (
     SWISSSPAD2_FULL,
     SPAD512S,
     SPAD512S_SPARSE,
+    RAW,
     PNG,
     TIFF,
 )

@@ -58,6 +58,10 @@ def _decode(raw: Packed) -> Packed:
     return rotate_packed(raw.reshape(len(raw), _SIDE, _SIDE // 8), _SIDE)
 
 
+_LAYOUT = FrameLayout((_SIDE, _SIDE // 8), _SIDE, _SIDE * _SIDE // 8, _decode)
+"""The layout of a dense file."""
+
+
 def _encode_dense(packed: Packed) -> Packed:
     """Return the raw bytes of packed frames: the inverse of :func:`_decode`."""
     return transpose_packed(packed[:, ::-1], _SIDE)
@@ -108,7 +112,7 @@ def open_spad512s(path: Path, options: ReadingOptions, *, sparse: bool = False) 
             )
         notes = [f"positions of the ones as uint32, little endian, row by row; {_ROTATED}"]
     else:
-        frames = read_raw(files, (_SIDE, _SIDE // 8), _decode, _TRAILER)
+        frames = read_raw(files, _LAYOUT, _TRAILER)
         notes = [f"frames of {_SIDE} x {_SIDE}, the most significant bit first; {_ROTATED}"]
     if len(files) > 1:
         notes.append(f"{len(files)} files in the natural order of their names")
@@ -195,7 +199,7 @@ SPAD512S = Format(
     matches=functools.partial(_matches, sparse=False),
     other_extensions=OTHER_EXTENSIONS,
     is_raw=True,
-    layout=FrameLayout((_SIDE, _SIDE // 8), _SIDE, _decode),
+    layout=_LAYOUT,
     fixed_layout=True,
     writer=Writer(bits=functools.partial(_write, sparse=False), extensions=(".bin",), folder=True),
 )

@@ -7,6 +7,7 @@ the mirrored row of the bottom half, and so on. The bottom half is read out upsi
 
 import functools
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -66,12 +67,20 @@ def _halves(packed: Packed) -> Packed:
     return packed.reshape(len(packed), 2, _HALF_HEIGHT, _TURNS[1], _TURNS[3])
 
 
+def _layout(height: int, decode: Callable[[Packed], Packed]) -> FrameLayout:
+    """Return the layout of frames with a height."""
+    return FrameLayout((height, _ROW_BYTES), _WIDTH, height * _ROW_BYTES, decode)
+
+
+_HALF, _FULL = _layout(_HALF_HEIGHT, _decode_half), _layout(2 * _HALF_HEIGHT, _decode_full)
+
+
 def open_swissspad(path: Path, options: ReadingOptions, *, full: bool = False) -> Bits:
     """Return the bits of a `.bin` file, or of a folder sorted by the numbers in the file names."""
     files = _sort_by_number(path, list_files(path, EXTENSIONS, "SwissSPAD2"))
-    height = 2 * _HALF_HEIGHT if full else _HALF_HEIGHT
-    frames = read_raw(files, (height, _ROW_BYTES), _decode_full if full else _decode_half)
-    notes = [f"frames of {height} x {_WIDTH}, the least significant bit first"]
+    layout = _FULL if full else _HALF
+    frames = read_raw(files, layout)
+    notes = [f"frames of {layout.shape[0]} x {_WIDTH}, the least significant bit first"]
     if full:
         notes.append("the two halves alternate every 128 bits, the bottom half upside down")
     if len(files) > 1:
@@ -123,7 +132,7 @@ SWISSSPAD2 = Format(
     open=open_swissspad,
     other_extensions=OTHER_EXTENSIONS,
     is_raw=True,
-    layout=FrameLayout((_HALF_HEIGHT, _ROW_BYTES), _WIDTH, _decode_half),
+    layout=_HALF,
     fixed_layout=True,
     writer=Writer(bits=_write_half, extensions=(".bin",), folder=True),
 )
@@ -134,7 +143,7 @@ SWISSSPAD2_FULL = Format(
     open=functools.partial(open_swissspad, full=True),
     other_extensions=OTHER_EXTENSIONS,
     is_raw=True,
-    layout=FrameLayout((2 * _HALF_HEIGHT, _ROW_BYTES), _WIDTH, _decode_full),
+    layout=_FULL,
     fixed_layout=True,
     writer=Writer(bits=_write_full, extensions=(".bin",), folder=True),
 )

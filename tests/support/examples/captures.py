@@ -127,6 +127,11 @@ def _raw_gzip(path):
     path.write_bytes(gzip_bytes(path.with_name("made.bin").read_bytes()))
 
 
+def _stated_layout(path):
+    rows = np.pad(BITS.packed, [(0, 0), (0, 0), (0, 1)])
+    path.write_bytes(b"".join(b"HD" + frame.tobytes() for frame in rows))
+
+
 def tiff(array, **options):
     """Return a maker of a TIFF file."""
     return lambda path: tifffile.imwrite(path, array, **options)
@@ -187,6 +192,11 @@ CAPTURES = {
         name: Reader("a.bin", functools.partial(open_counts, format=name), written(name, bits))
         for name, bits in RAW.items()
     },
+    "raw": Reader(
+        "a.raw",
+        functools.partial(open_counts, layout="6x13,row_bytes=3,frame_header=2"),
+        (_stated_layout,),
+    ),
     "matlab": Reader(
         "a.mat",
         open_counts,

@@ -10,7 +10,7 @@ from jotlight.view.live.ring import FrameLayout, FrameRing
 
 
 def capture():
-    ring = FrameRing(FrameLayout((1, 1), 8, lambda raw: raw.reshape(-1, 1, 1)), max_bytes=4)
+    ring = FrameRing(FrameLayout((1, 1), 8, 1, lambda raw: raw.reshape(-1, 1, 1)), max_bytes=4)
     ring.append(np.zeros((1, 1, 1), np.uint8))
     return LiveCapture("a", ring, jl.Sensor(frames=1), Provenance("raw", "a"))
 

@@ -11,7 +11,7 @@ from jotlight.view.live.options import STANDARD_INPUT, LiveOptions, open_live
 
 RNG = np.random.default_rng(0)
 FRAMES = RNG.integers(0, 256, (300, 6, 2), np.uint8)
-SHAPE = LiveOptions(shape="6x13")
+SHAPE = LiveOptions(layout="6x13")
 
 
 def wait_for(condition, seconds=60.0):
@@ -52,7 +52,7 @@ def test_a_growing_file_is_followed_to_the_last_whole_frame(tmp_path, opened):
 def test_frames_beyond_the_memory_are_dropped_and_counted(tmp_path, opened, monkeypatch):
     path = tmp_path / "a.bin"
     path.write_bytes(FRAMES[:4].tobytes())
-    live = opened(path, LiveOptions(shape="6x13", history=1))
+    live = opened(path, LiveOptions(layout="6x13", history=1))
     rows = 6 * 2
     live.ring.capacity = 100  # as if the memory were small
     live.ring._memory = np.zeros(100 * rows, np.uint8)
@@ -70,7 +70,7 @@ def test_a_long_file_begins_at_its_newest_frames(tmp_path, opened):
         file.truncate(3 << 20)
         file.seek(0, 2)
         file.write(FRAMES[:1].tobytes())
-    live = opened(path, LiveOptions(shape="8x8", history=1))
+    live = opened(path, LiveOptions(layout="8x8", history=1))
     wait_for(lambda: live.frames.stop == ((3 << 20) + 12) // 8)
     assert live.dropped == 0
 
@@ -301,10 +301,10 @@ def test_the_order_of_files_is_that_of_their_numbers(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (LiveOptions(shape="6"), "shape: expected rows and columns"),
-        (LiveOptions(shape="0x5"), "shape: expected rows and columns"),
-        (LiveOptions(shape="999999x999999"), "shape: expected rows and columns"),
-        (LiveOptions(shape="6x13", format="swissspad2"), "only one"),
+        (LiveOptions(layout="6"), "layout: expected rows and columns"),
+        (LiveOptions(layout="0x5"), "rows: expected at least 1"),
+        (LiveOptions(layout="999999x999999"), "layout: expected frames of at most"),
+        (LiveOptions(layout="6x13", format="swissspad2"), "leave out one of"),
         (LiveOptions(format="nope"), "format: expected one of"),
         (LiveOptions(history=0), "history: expected 1"),
         (LiveOptions(), "expected raw frames"),

@@ -10,7 +10,7 @@ from jotlight.view.live.options import LiveOptions, open_live
 def test_the_sensor_of_a_stream_is_assumed_and_the_note_says_so(tmp_path):
     path = tmp_path / "a.bin"
     path.write_bytes(bytes(4 * 6 * 2))
-    live = open_live(path, LiveOptions(shape="6x13"), {"frames": 1})
+    live = open_live(path, LiveOptions(layout="6x13"), {"frames": 1})
     live.close()
     assert live.sensor_note == "the bits do not state their sensor; assumed: Sensor()"
     assert not live.is_range_known

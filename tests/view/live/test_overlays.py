@@ -17,7 +17,7 @@ def test_overlays_follow_the_newest_frames(tmp_path, method):
     path = tmp_path / "a.bin"
     frames = np.random.default_rng(0).integers(0, 256, (64, 8, 1), np.uint8)
     path.write_bytes(frames.tobytes())
-    live = open_live(path, LiveOptions(shape="8x8"), {"frames": 1})
+    live = open_live(path, LiveOptions(layout="8x8"), {"frames": 1})
     try:
         with serving(live) as server, connected(server) as stream:
             read(stream)

@@ -9,7 +9,7 @@ from jotlight.formats.format import FrameLayout
 from jotlight.view.live.ring import FrameRing
 from jotlight.view.viewed import FramesGoneError
 
-LAYOUT = FrameLayout((2, 1), 8, lambda raw: raw.reshape(-1, 2, 1))
+LAYOUT = FrameLayout((2, 1), 8, 2, lambda raw: raw.reshape(-1, 2, 1))
 
 
 @given(st.lists(st.integers(1, 9), max_size=30), st.integers(8, 60))

@@ -32,7 +32,7 @@ def growing(tmp_path, server):
             file.write(FRAMES[:number].tobytes())
 
     add(100)
-    live = open_live(path, LiveOptions(shape="64x64", history=1), {"frames": 1})
+    live = open_live(path, LiveOptions(layout="64x64", history=1), {"frames": 1})
     with serving(live) as running:
         yield add, running
     live.close()

@@ -55,6 +55,15 @@ class CaptureOptions:
             "content, which is impossible for raw frames."
         ),
     ] = None
+    layout: Annotated[
+        str | None,
+        Parameter(
+            help="Layout of raw frames of other cameras: rows and columns, such as 256x512, of "
+            "bits, eight to a byte. If needed, bit_order=little, dtype=uint8, and numbers of bytes "
+            "as row_bytes, file_header, frame_header, and frame_footer follow, such as "
+            "256x512,bit_order=little,file_header=16. Default: that of the --format."
+        ),
+    ] = None
     frame_range: Annotated[
         str | None,
         Parameter(
@@ -140,6 +149,7 @@ class CaptureOptions:
         """Return the options as the library takes them, with the bits of a reading if stated."""
         return ReadingOptions(
             format=self.format,
+            layout=self.layout,
             width=self.width,
             frames=parse_frame_range(self.frame_range),
             rotate=self.rotate,
@@ -158,6 +168,7 @@ class CaptureOptions:
         """Return the options as words of a command line, which may rename `--key`."""
         values = {
             "--format": self.format,
+            "--layout": self.layout,
             "--width": self.width,
             "--frame-range": self.frame_range,
             "--rotate": self.rotate or None,

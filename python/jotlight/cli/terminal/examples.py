@@ -64,7 +64,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "jotlight view capture.npy",
         "jotlight view raw.bin --format swissspad2 --port 8000",
         "jotlight view growing.bin --format swissspad2 --follow",
-        "jotlight view - --follow --shape 256x512",
+        "jotlight view - --follow --layout 256x512",
     ),
 }
 """Command lines by the name of the command."""

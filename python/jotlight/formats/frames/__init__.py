@@ -2,7 +2,7 @@
 
 In reading order:
 
-- ``reading_options``: the parameters of `jotlight.open`.
+- ``raw_layout``: the layout of raw frames. ``reading_options``: the parameters of `jotlight.open`.
 - ``labels``, ``labeled``: the sensor and the provenance of arrays. ``count_stacks``: arrays of
   counts as captures. ``blocks``: frames that are stored in blocks.
 - ``packing``: frames of one bit per number. ``orientation``, ``selection``: rotation, and some of

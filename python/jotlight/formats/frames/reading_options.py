@@ -6,6 +6,7 @@ from typing import Any
 
 from jotlight.checks import positive_number, shown, whole_number, whole_number_in_range
 from jotlight.formats.frames.orientation import parse_orientation
+from jotlight.formats.frames.raw_layout import RawLayout
 from jotlight.sensing.parameters.reading_checks import MAX_BIT_DEPTH
 from jotlight.sensing.parameters.slices import require_slice
 
@@ -27,6 +28,8 @@ class ReadingOptions:
     """
 
     format: str | None = None
+    layout: str | None = None
+    """The text of a :class:`RawLayout`, for raw frames."""
     width: int | None = None
     frames: slice | None = None
     rotate: int = 0
@@ -45,6 +48,8 @@ class ReadingOptions:
     def __post_init__(self) -> None:
         if self.width is not None:
             whole_number("width", self.width, 1)
+        if self.layout is not None:
+            self._check_layout(RawLayout.parse(self.layout))
         if self.frames is not None:
             require_slice("frames", self.frames)
         parse_orientation(self.rotate, self.flip)
@@ -61,6 +66,19 @@ class ReadingOptions:
             )
         self._check_numbers()
         self._check_contradictions()
+
+    def _check_layout(self, layout: RawLayout) -> None:
+        """Raise ValueError for parameters that contradict the layout of raw frames."""
+        if self.format not in (None, "raw"):
+            raise ValueError(
+                f"layout: is for raw frames without a format, not for {self.format!r}; leave out "
+                "one of layout and format"
+            )
+        if self.unpacked and layout.number_type is None:
+            raise ValueError(
+                "unpacked: the layout states eight bits to a byte; add a type of numbers, such as "
+                f"{self.layout},dtype=uint8"
+            )
 
     def _check_numbers(self) -> None:
         """Raise TypeError or ValueError for a wrong statement of what the numbers are."""

@@ -77,11 +77,12 @@ def detect_format(path: Path) -> str:
         raise ValueError(f"{path}: expected a capture, got a {extension}, {_OTHERS[extension]}")
     if path.is_dir():
         _explain_folder(path)
-    raw = ", ".join(name for name, format_ in FORMATS.items() if format_.is_raw)
+    raw = ", ".join(name for name, each in FORMATS.items() if each.is_raw and name != "raw")
     others = ", ".join(name for name, format_ in FORMATS.items() if not format_.is_raw)
     raise ValueError(
         f"{path}: its content does not identify its format; pass format= (--format): "
-        f"{raw} for raw frames, or else one of {others}"
+        f"{raw} for raw frames, or else one of {others}; for raw frames of another camera, pass "
+        'their layout, such as layout="256x512" (--layout 256x512)'
     )
 
 

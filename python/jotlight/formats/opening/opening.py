@@ -92,7 +92,7 @@ def _open_once(path: Path, options: ReadingOptions) -> Capture:
     if options.format is not None:
         check_choice("format", options.format, FORMATS)
     check_exists(path)
-    entry = FORMATS[options.format or detect_format(path)]
+    entry = FORMATS[_format_of(path, options)]
     counts, unpacked, width = options.takes_counts, options.unpacked, options.width
     _check_options(path, entry, options)
     try:
@@ -127,6 +127,11 @@ def _open_once(path: Path, options: ReadingOptions) -> Capture:
     if entry.verify is not None and isinstance(data, Frames):
         data.verify = functools.partial(entry.verify, path)
     return selected
+
+
+def _format_of(path: Path, options: ReadingOptions) -> str:
+    """Return the name of the format of a capture."""
+    return options.format or ("raw" if options.layout else detect_format(path))
 
 
 def _check_options(path: Path, entry: Format, options: ReadingOptions) -> None:

@@ -1,7 +1,6 @@
 """Opening of a live capture: what it is, and the layout of its frames."""
 
 import dataclasses
-import re
 import sys
 import threading
 from collections.abc import Callable
@@ -15,12 +14,14 @@ from jotlight.calibration import Calibration
 from jotlight.calibration.stated_sensor import stated_sensor
 from jotlight.formats.capture import assumed_sensor_note
 from jotlight.formats.format import FrameLayout
+from jotlight.formats.frames.raw_layout import MAX_FRAME_BYTES, RawLayout
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.opening.locations import STANDARD_INPUT
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
+from jotlight.formats.stated_layout import frame_layout
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Packed
 from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.parameters.reading_groups import frames_differ
@@ -39,9 +40,6 @@ _NPY_MAGIC = b"\x93NUMPY"
 _MAX_HEADER = 1 << 12
 """Maximum size of the header of a .npy."""
 
-_MAX_FRAME_BYTES = 1 << 26
-
-
 _Opened = tuple[FrameRing, Callable[[LiveCapture], None], str, Sensor | None]
 """The frames, the work that adds later ones, the name of the format, and the sensor of one frame if
 the files state it."""
@@ -53,48 +51,43 @@ class LiveOptions:
 
     format: str | None = None
     """Name of a raw format."""
-    shape: str | None = None
-    """Rows and columns of packed frames, such as "256x512"."""
+    layout: str | None = None
+    """Layout of raw frames without a format, as the text of a :class:`jotlight.RawLayout`."""
     history: int = 256
     """Memory for frames in MiB."""
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     """Keyword arguments of :func:`jotlight.open` for the files of a folder. The width is also that
     of a .npy."""
 
-    def layout(self) -> tuple[FrameLayout, str] | None:
+    def frame_layout(self) -> tuple[FrameLayout, str] | None:
         """Return the layout of raw frames and its name, or None if files have headers.
 
         Examples
         --------
-        >>> layout, name = LiveOptions(shape="256x500").layout()
+        >>> layout, name = LiveOptions(layout="256x500").frame_layout()
         >>> layout.shape, layout.width, name
         ((256, 63), 500, 'raw')
         """
         if not 1 <= self.history <= _MAX_HISTORY:
             raise ValueError(f"history: expected 1 to {_MAX_HISTORY} MiB, got {self.history}")
-        if self.shape is not None:
-            if self.format is not None:
-                raise ValueError("shape: is for frames without a --format; pass only one of them")
-            return _parse_shape(self.shape), "raw"
+        options = ReadingOptions(format=self.format, layout=self.layout)
+        if options.layout is not None:
+            layout = RawLayout.parse(options.layout)
+            if layout.number_type is not None:
+                raise ValueError(
+                    f"layout: --follow shows bits, eight to a byte, got numbers of {layout.dtype}"
+                )
+            return frame_layout(layout), "raw"
         if self.format is None:
             return None
         check_choice("format", self.format, FORMATS)
-        layout = FORMATS[self.format].layout
-        return None if layout is None else (layout, self.format)
+        of_format = FORMATS[self.format].layout
+        return None if of_format is None else (of_format, self.format)
 
 
-def _parse_shape(text: str) -> FrameLayout:
-    match = re.fullmatch(r"(\d{1,6})\s*[x×,]\s*(\d{1,6})", text.strip(), re.ASCII)
-    height, width = (int(number) for number in match.groups()) if match else (0, 0)
-    row_bytes = -(-width // 8)
-    if not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
-        raise ValueError(f"shape: expected rows and columns such as 256x512, got {text!r}")
-    return FrameLayout((height, row_bytes), width, _packed(height, row_bytes))
-
-
-def _packed(height: int, row_bytes: int) -> Callable[[Packed], Packed]:
-    """Return the function that decodes frames which are packed already."""
-    return lambda raw: raw.reshape(-1, height, row_bytes)
+def _packed_layout(height: int, width: int) -> FrameLayout:
+    """Return the layout of frames that are packed already, as in a .npy."""
+    return frame_layout(RawLayout(height, width))
 
 
 def open_live(
@@ -125,7 +118,7 @@ def open_live(
     OSError, ValueError
         When the capture cannot be read, or the layout of its frames is unknown.
     """
-    options.layout()  # reports wrong options
+    options.frame_layout()  # reports wrong options
     stop = threading.Event()
     if path != STANDARD_INPUT and path.is_dir():
         ring, work, name, stated = _open_folder(path, options)
@@ -159,7 +152,7 @@ def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Op
     elif sys.stdin is None or sys.stdin.isatty():
         raise ValueError(
             "standard input: expected the frames of a program, such as: "
-            "camera | jotlight view - --follow --shape 256x512"
+            "camera | jotlight view - --follow --layout 256x512"
         )
     else:
         tail = PipeTail(sys.stdin.fileno())
@@ -170,21 +163,20 @@ def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Op
         raise
     first = 0
     if isinstance(tail, FileTail):
-        first = tail.skip(options.history << 20, frames.shape[0] * frames.shape[1])
+        first = tail.skip(options.history << 20, frames.frame_bytes)
     ring = FrameRing(frames, options.history << 20, first)
     return ring, partial(read_stream, tail=tail), name, None
 
 
 def _open_folder(path: Path, options: LiveOptions) -> _Opened:
     """Return the frames of the newest file of a folder, and the work that adds later ones."""
-    arguments = {"format": options.format, **options.arguments}
+    arguments = {"format": options.format, "layout": options.layout, **options.arguments}
 
     def open_file(file: Path) -> Any:
         return open_capture(file, **arguments)
 
     file, bits = open_first(path, open_file)
-    height, row_bytes = bits.packed.shape[1:3]
-    layout = FrameLayout((height, row_bytes), bits.width, _packed(height, row_bytes))
+    layout = _packed_layout(bits.packed.shape[1], bits.width)
     ring = FrameRing(layout, options.history << 20)
     work = FolderReader(path, open_file, file, bits)
     name = bits.provenance.format if bits.provenance else "folder"
@@ -222,14 +214,14 @@ def _read_layout(
     ValueError
         When neither the options nor the bytes state a layout, or both do.
     """
-    layout = options.layout()
+    layout = options.frame_layout()
     start = _read_bytes(tail, len(_NPY_MAGIC))
     is_npy = start == _NPY_MAGIC
     for name in options.arguments:
         if name != "width" or not is_npy:
             files = "a .npy or a folder of files" if name == "width" else "a folder of files"
             raise ValueError(
-                f"follow: --{name} is for {files}; for raw frames, use --shape and --format"
+                f"follow: --{name} is for {files}; for raw frames, use --layout or --format"
             )
     if layout is None:
         if options.format not in (None, "npy"):
@@ -240,12 +232,14 @@ def _read_layout(
             )
         return _read_npy_header(tail, path, start, options.arguments.get("width")), "npy"
     if is_npy:
-        stated = "format" if options.shape is None else "shape"
+        stated = "format" if options.layout is None else "layout"
         raise ValueError(
             f"{stated}: {_name(path)} is a .npy, whose header states the rows and columns; leave "
             f"out --{stated}, or state a width that is no multiple of 8 by --width"
         )
     tail.unread(start)
+    frames, _ = layout
+    _read_bytes(tail, frames.file_header)
     return layout
 
 
@@ -264,7 +258,7 @@ def _read_npy_header(
         When the bytes are no .npy of packed bits, or its rows do not have this width.
     """
     expected = (
-        f"{_name(path)}: expected raw frames, whose layout --format or --shape states, or a .npy "
+        f"{_name(path)}: expected raw frames, whose layout --format or --layout states, or a .npy "
         "with packed bits (T, H, W / 8) of uint8"
     )
     if start != _NPY_MAGIC:
@@ -284,7 +278,7 @@ def _read_npy_header(
         height, row_bytes = int(shape[1]), int(shape[2])
     except (ValueError, SyntaxError, LookupError, TypeError, MemoryError, RecursionError) as error:
         raise ValueError(expected) from error
-    if not is_cube or not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
+    if not is_cube or not 0 < height * row_bytes <= MAX_FRAME_BYTES:
         raise ValueError(expected)
     widths = range(8 * row_bytes - 7, 8 * row_bytes + 1)
     if width is not None and width not in widths:
@@ -292,7 +286,7 @@ def _read_npy_header(
             f"width: expected {widths[0]} to {widths[-1]}, since a row of {_name(path)} has "
             f"{row_bytes} bytes, got {width}"
         )
-    return FrameLayout((height, row_bytes), width or widths[-1], _packed(height, row_bytes))
+    return _packed_layout(height, width or widths[-1])
 
 
 def _read_bytes(tail: FileTail | PipeTail, size: int) -> bytes:

@@ -37,7 +37,7 @@ class FrameRing:
 
     Examples
     --------
-    >>> ring = FrameRing(FrameLayout((1, 1), 8, lambda raw: raw.reshape(-1, 1, 1)), max_bytes=4)
+    >>> ring = FrameRing(FrameLayout((1, 1), 8, 1, lambda raw: raw.reshape(-1, 1, 1)), max_bytes=4)
     >>> for value in range(6):
     ...     ring.append(np.full((1, 1, 1), value, np.uint8))
     >>> ring.frames, ring.read(range(4, 6)).ravel().tolist()
@@ -46,7 +46,7 @@ class FrameRing:
 
     def __init__(self, layout: FrameLayout, max_bytes: int, first: int = 0) -> None:
         self.layout = layout
-        self.frame_bytes = layout.shape[0] * layout.shape[1]
+        self.frame_bytes = layout.frame_bytes
         self.capacity = max(4, max_bytes // self.frame_bytes)
         """Maximum number of frames."""
         self._memory = np.zeros(self.capacity * self.frame_bytes, np.uint8)
@@ -90,7 +90,8 @@ class FrameRing:
         if whole and is_due and now >= self._sampled + _SAMPLE_SECONDS:
             self._sampled = now
             place = (self._end - 1) % self.capacity * self.frame_bytes
-            ones = int(np.unpackbits(self._memory[place : place + self.frame_bytes]).sum())
+            frame = self.layout.decode(self._memory[None, place : place + self.frame_bytes])
+            ones = int(np.unpackbits(frame, axis=2, count=self.layout.width).sum())
             fraction = ones / (self.layout.shape[0] * self.layout.width)
             self._samples.append((self._end - 1, fraction))
 

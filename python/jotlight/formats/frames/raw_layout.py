@@ -1,0 +1,182 @@
+"""The layout of raw frames, which the caller states because their files have no header."""
+
+import dataclasses
+import re
+from typing import Any, Self
+
+import numpy as np
+
+from jotlight.checks import shown, whole_number, whole_number_in_range
+from jotlight.parameter_names import check_choice
+
+MAX_FRAME_BYTES = 1 << 26
+"""Maximum number of bytes of a raw frame, and of a header."""
+
+_BIT_ORDERS = ("big", "little")
+
+_NUMBERS = "row_bytes", "file_header", "frame_header", "frame_footer"
+
+_FORM = "rows and columns such as 256x512, and then name=value, such as 256x512,bit_order=little"
+
+
+@dataclasses.dataclass(frozen=True)
+class RawLayout:
+    """The layout of frames in files that have no header, or one that jotlight does not know.
+
+    Each file holds whole frames. The number of frames follows from its size.
+
+    Parameters
+    ----------
+    rows, columns : int
+        H and W, the number of jots of a frame.
+    bit_order : {"big", "little"}
+        Which bit of a byte is the first jot: the most significant ("big") or the least significant
+        one ("little"), as in `numpy.packbits`.
+    dtype : str, optional
+        The type of whole numbers, such as ``"uint8"`` or ``">u2"``, if each jot has a number in
+        place of a bit. Numbers are counts, readings of `bit_depth` bits, or with `unpacked` bits.
+        Default: eight bits to a byte.
+    row_bytes : int, optional
+        Distance in bytes from one row to the next. Default: that of rows without padding.
+    file_header : int
+        Number of bytes before the first frame of each file.
+    frame_header, frame_footer : int
+        Number of bytes before and after the rows of each frame.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When a parameter has a wrong type, or is out of range.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "camera.raw"
+    >>> frames = np.random.default_rng(0).random((5, 6, 13)) < 0.5
+    >>> _ = path.write_bytes(b"HEADER" + np.packbits(frames, axis=2).tobytes())
+    >>> bits = jl.open(path, layout=jl.RawLayout(6, 13, file_header=6))
+    >>> bits, bool((bits.to_array() == frames).all())
+    (<Bits: 5 frames of 6 x 13 jots>, True)
+    """
+
+    rows: int
+    columns: int
+    bit_order: str = dataclasses.field(default="big", kw_only=True)
+    dtype: str | None = dataclasses.field(default=None, kw_only=True)
+    row_bytes: int | None = dataclasses.field(default=None, kw_only=True)
+    file_header: int = dataclasses.field(default=0, kw_only=True)
+    frame_header: int = dataclasses.field(default=0, kw_only=True)
+    frame_footer: int = dataclasses.field(default=0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        whole_number("rows", self.rows, 1)
+        whole_number("columns", self.columns, 1)
+        check_choice("bit_order", self.bit_order, _BIT_ORDERS)
+        for name in ("file_header", "frame_header", "frame_footer"):
+            whole_number_in_range(name, getattr(self, name), 0, MAX_FRAME_BYTES)
+        if self.number_type is not None and self.bit_order != "big":
+            raise ValueError(
+                "bit_order: is for bits, eight to a byte; dtype states the order of the bytes of "
+                'numbers, such as ">u2"'
+            )
+        if self.row_bytes is not None:
+            whole_number("row_bytes", self.row_bytes, self.used_row_bytes)
+        if self.frame_bytes > MAX_FRAME_BYTES:
+            raise ValueError(
+                f"layout: expected frames of at most {MAX_FRAME_BYTES} bytes, got "
+                f"{self.frame_bytes}"
+            )
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return the layout that a text states.
+
+        Parameters
+        ----------
+        text : str
+            The rows and columns, and then the other parameters with their names.
+
+        Raises
+        ------
+        ValueError
+            When the text has another form, or a value is out of range.
+
+        Examples
+        --------
+        >>> layout = jl.RawLayout.parse("96x77, bit_order=little, frame_header=16")
+        >>> layout == jl.RawLayout(96, 77, bit_order="little", frame_header=16)
+        True
+        """
+        size, *others = text.replace(" ", "").split(",")
+        match = re.fullmatch(r"(\d{1,9})[x×](\d{1,9})", size, re.ASCII)
+        pairs = [each.split("=", 1) for each in others]
+        names = [pair[0] for pair in pairs]
+        known = [field.name for field in dataclasses.fields(cls)][2:]
+        if match is None or any(len(pair) == 1 for pair in pairs) or len({*names}) < len(names):
+            raise ValueError(f"layout: expected {_FORM}, got {text!r}")
+        for name in names:
+            check_choice("layout", name, known)
+        values: dict[str, Any] = dict(pairs)
+        values |= {name: _whole(name, values[name]) for name in _NUMBERS if name in values}
+        return cls(int(match[1]), int(match[2]), **values)
+
+    @property
+    def number_type(self) -> np.dtype[np.generic] | None:
+        """The type of the numbers, or None for bits."""
+        if self.dtype is None:
+            return None
+        try:
+            kind = np.dtype(self.dtype)
+        except TypeError:
+            kind = np.dtype(object)
+        if kind.kind not in "iu" or not isinstance(self.dtype, str):
+            raise ValueError(
+                'dtype: expected a type of whole numbers, such as "uint8" or ">u2", got '
+                f"{shown(self.dtype)}"
+            )
+        return kind
+
+    @property
+    def used_row_bytes(self) -> int:
+        """Number of bytes of a row that hold jots."""
+        kind = self.number_type
+        return -(-self.columns // 8) if kind is None else self.columns * kind.itemsize
+
+    @property
+    def frame_bytes(self) -> int:
+        """Number of bytes of a raw frame."""
+        row_bytes = self.used_row_bytes if self.row_bytes is None else self.row_bytes
+        return self.frame_header + self.rows * row_bytes + self.frame_footer
+
+    def __str__(self) -> str:
+        """Return the text that :meth:`parse` reads."""
+        fields = dataclasses.fields(self)[2:]
+        values = {each.name: getattr(self, each.name) for each in fields}
+        stated = [each.name for each in fields if values[each.name] != each.default]
+        size = f"{self.rows}x{self.columns}"
+        return ",".join([size, *(f"{name}={values[name]}" for name in stated)])
+
+
+def as_layout(layout: RawLayout | str | None) -> RawLayout | None:
+    """Return a layout, which may be a text.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When it is neither, or the text states no layout.
+    """
+    if isinstance(layout, str):
+        return RawLayout.parse(layout)
+    if not isinstance(layout, RawLayout | None):
+        raise TypeError(
+            'layout: expected a jotlight.RawLayout or a text such as "256x512", got '
+            f"{shown(layout)}"
+        )
+    return layout
+
+
+def _whole(name: str, text: str) -> int:
+    """Return a whole number."""
+    if not re.fullmatch(r"\d{1,12}", text, re.ASCII):
+        raise ValueError(f"layout: {name} expects a whole number, got {text!r}")
+    return int(text)

@@ -1,0 +1,76 @@
+"""Raw frames whose layout the caller states, for cameras without a format of their own."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+import jotlight._engine as engine
+from jotlight.formats.capture import Capture
+from jotlight.formats.files.file_lists import list_files
+from jotlight.formats.format import Format, FrameLayout
+from jotlight.formats.frames.count_stacks import as_count_stack
+from jotlight.formats.frames.raw_layout import RawLayout
+from jotlight.formats.frames.reading_options import ReadingOptions
+from jotlight.formats.raw import OTHER_EXTENSIONS, read_raw
+from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import Packed
+from jotlight.sensing.parameters.provenance import Provenance
+
+
+def frame_layout(layout: RawLayout) -> FrameLayout:
+    """Return the layout of raw frames, with the function that decodes them."""
+    kind = layout.number_type
+    used = layout.used_row_bytes
+    row_bytes = used if layout.row_bytes is None else layout.row_bytes
+
+    def rows(raw: Packed) -> Packed:
+        """Return the bytes of all rows, (n, H, used), without padding."""
+        first = layout.frame_header
+        frames = raw[:, first : first + layout.rows * row_bytes]
+        return frames.reshape(len(raw), layout.rows, row_bytes)[:, :, :used]
+
+    def decode_bits(raw: Packed) -> Packed:
+        packed = np.array(rows(raw), order="C")
+        if layout.bit_order == "little":
+            engine.reverse_bytes(packed.reshape(-1), None)
+        return packed
+
+    def decode_numbers(raw: Packed) -> npt.NDArray[np.generic]:
+        assert kind is not None, "only numbers are decoded here"
+        numbers = np.ascontiguousarray(rows(raw)).view(kind)
+        return numbers.astype(kind.newbyteorder("="), copy=False)
+
+    columns, sizes = layout.columns, (layout.frame_bytes, layout.file_header)
+    if kind is None:
+        return FrameLayout((layout.rows, used), columns, sizes[0], decode_bits, sizes[1])
+    size, native = (layout.rows, columns), kind.newbyteorder("=")
+    return FrameLayout(size, columns, sizes[0], decode_numbers, sizes[1], native)
+
+
+def open_raw(path: Path, options: ReadingOptions) -> Capture:
+    """Return the frames of a file, or of all files of a folder in natural order."""
+    if options.layout is None:
+        raise ValueError(
+            'layout: the format "raw" needs the layout of its frames, such as '
+            'layout="256x512" (--layout 256x512)'
+        )
+    layout = RawLayout.parse(options.layout)
+    files = list_files(path, OTHER_EXTENSIONS, "raw")
+    frames = read_raw(files, frame_layout(layout))
+    provenance = Provenance(RAW.name, path.name, (f"the stated layout {layout}",))
+    if len(files) > 1:
+        note = f"{len(files)} files in the natural order of their names"
+        provenance = provenance.with_notes(note)
+    if layout.number_type is not None:
+        return as_count_stack(frames, provenance, is_stack=True)
+    return Bits(frames, layout.columns, provenance=provenance)
+
+
+RAW = Format(
+    "raw",
+    "raw frames of a layout that the caller states",
+    open=open_raw,
+    other_extensions=OTHER_EXTENSIONS,
+    is_raw=True,
+)

@@ -1,0 +1,139 @@
+"""Raw frames whose layout the caller states."""
+
+import gzip
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jotlight as jl
+from jotlight.formats.stated_layout import frame_layout
+
+FRAMES = np.random.default_rng(0).random((5, 6, 13)) < 0.4
+
+
+def raw_bytes(rows, row_bytes, header=b"", footer=b""):
+    """Return the bytes of frames, one row after the other: a slow twin of the encoder."""
+    out = b""
+    for frame in rows:
+        out += header
+        for row in frame:
+            data = row.tobytes()
+            out += data + b"\xaa" * (row_bytes - len(data))
+        out += footer
+    return out
+
+
+@given(
+    bit_order=st.sampled_from(["big", "little"]),
+    row_bytes=st.integers(2, 5),
+    header=st.binary(max_size=5),
+    footer=st.binary(max_size=5),
+    file_header=st.binary(max_size=5),
+)
+def test_bits_of_every_layout(tmp_path_factory, bit_order, row_bytes, header, footer, file_header):
+    packed = np.packbits(FRAMES, axis=2, bitorder=bit_order)
+    path = tmp_path_factory.mktemp("raw") / "camera.raw"
+    path.write_bytes(b"\0" + file_header + raw_bytes(packed, row_bytes, header, footer))
+    layout = jl.RawLayout(
+        6,
+        13,
+        bit_order=bit_order,
+        row_bytes=row_bytes,
+        file_header=1 + len(file_header),
+        frame_header=len(header),
+        frame_footer=len(footer),
+    )
+    bits = jl.open(path, layout=layout)
+    assert (bits.to_array() == FRAMES).all()
+    assert (jl.open(path, layout=str(layout), frames=slice(3, 5)).to_array() == FRAMES[3:]).all()
+
+
+@pytest.mark.parametrize("dtype", ["uint8", ">u2", "<u2", ">i4", "<u8"])
+def test_numbers_of_every_type(tmp_path, dtype):
+    numbers = np.arange(2 * 6 * 13).reshape(2, 6, 13).astype(dtype)
+    path = tmp_path / "counts.dat"
+    path.write_bytes(raw_bytes(numbers, 13 * numbers.itemsize + 3, b"HD"))
+    layout = jl.RawLayout(6, 13, dtype=dtype, row_bytes=13 * numbers.itemsize + 3, frame_header=2)
+    with pytest.warns(UserWarning, match="the sum of its 2 images"):
+        assert (jl.open(path, layout=layout) == numbers.astype(int).sum(0)).all()
+    readings = jl.open(path, layout=layout, bit_depth=8, frames=slice(1, 2))
+    assert (readings.to_array() == numbers[1:].astype(int)).all()
+
+
+def test_numbers_of_0_and_1_are_bits_on_request(tmp_path):
+    path = tmp_path / "a.raw"
+    path.write_bytes(FRAMES.astype(np.uint8).tobytes())
+    bits = jl.open(path, layout="6x13,dtype=uint8", unpacked=True)
+    assert (bits.to_array() == FRAMES).all()
+    with pytest.raises(ValueError, match="add a type of numbers, such as 6x13,dtype=uint8"):
+        jl.open(path, layout="6x13", unpacked=True)
+
+
+def test_files_of_a_folder_follow_each_other_and_each_has_a_header(tmp_path):
+    packed = np.packbits(FRAMES, axis=2)
+    for index, part in enumerate([packed[:2], packed[2:], packed]):
+        (tmp_path / f"f{index + 9}.raw").write_bytes(b"HEAD" + part.tobytes())
+    bits = jl.open(tmp_path, layout="6x13,file_header=4")
+    assert (bits.to_array() == np.concatenate([FRAMES, FRAMES])).all()
+    assert bits.provenance.format == "raw"
+    assert bits.provenance.notes == (
+        "the stated layout 6x13,file_header=4",
+        "3 files in the natural order of their names",
+    )
+
+
+def test_compressed_frames_are_read(tmp_path):
+    path = tmp_path / "a.bin.gz"
+    path.write_bytes(gzip.compress(b"HEAD" + np.packbits(FRAMES, axis=2).tobytes()))
+    assert (jl.open(path, layout="6x13,file_header=4").to_array() == FRAMES).all()
+
+
+def test_an_incomplete_frame_is_reported(tmp_path):
+    path = tmp_path / "a.raw"
+    path.write_bytes(b"HEAD" + np.packbits(FRAMES, axis=2).tobytes()[:-5])
+    with pytest.warns(UserWarning, match="4 complete frames of 12 bytes; 7 bytes are left over"):
+        bits = jl.open(path, layout="6x13,file_header=4")
+    assert len(bits) == 4
+    path.write_bytes(b"HE")
+    with pytest.raises(ValueError, match="expected frames of 12 bytes each, got no complete one"):
+        jl.open(path, layout="6x13,file_header=4")
+
+
+def test_layout_and_format_exclude_each_other(tmp_path):
+    path = tmp_path / "a.raw"
+    path.write_bytes(bytes(12))
+    with pytest.raises(ValueError, match="leave out one of layout and format"):
+        jl.open(path, layout="6x13", format="swissspad2")
+    with pytest.raises(ValueError, match='format "raw" needs the layout'):
+        jl.open(path, format="raw")
+    np.save(tmp_path / "a.npy", FRAMES)
+    with pytest.raises(ValueError, match="expected raw frames, but its first bytes are those of"):
+        jl.open(tmp_path / "a.npy", layout="6x13")
+
+
+def test_the_command_line_takes_the_text_of_a_layout(tmp_path, run):
+    path = tmp_path / "camera.raw"
+    path.write_bytes(b"HEAD" + np.packbits(FRAMES, axis=2, bitorder="little").tobytes())
+    layout = ["--layout", "6x13,bit_order=little,file_header=4"]
+    run("convert", str(path), *layout, "-o", str(tmp_path / "cube.npy"))
+    assert (jl.open(tmp_path / "cube.npy").to_array() == FRAMES).all()
+
+
+def test_a_layout_survives_where_captures_are_opened_again(tmp_path):
+    pytest.importorskip("dask")
+    import pickle
+
+    path = tmp_path / "camera.raw"
+    path.write_bytes(np.packbits(FRAMES, axis=2).tobytes())
+    bits = pickle.loads(pickle.dumps(jl.open(path, layout="6x13")))
+    assert (bits.to_array() == FRAMES).all()
+    assert (np.asarray(bits.to_dask()) == bits.packed).all()
+
+
+def test_decoded_frames_do_not_share_the_raw_bytes():
+    raw = np.full((1, 12), 1, np.uint8)
+    decoded = frame_layout(jl.RawLayout(6, 13, bit_order="little")).decode(raw)
+    assert decoded.max() == 128
+    assert raw.max() == 1
