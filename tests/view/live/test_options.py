@@ -220,7 +220,7 @@ def test_other_files_in_a_folder_are_ignored_and_named(folder, opened):
 
 
 def test_a_file_that_cannot_be_read_counts_as_dropped(folder, opened, monkeypatch):
-    monkeypatch.setattr("jotlight.view.live.folder._MAX_FAILURES", 0.05)
+    monkeypatch.setattr("jotlight.view.live.growing_file.MAX_FAILURES", 0.05)
     put_files(folder, 0)
     live = opened(folder, LiveOptions())
     (folder / "f1.npy").write_bytes(b"damaged")
@@ -283,8 +283,57 @@ def test_names_may_count_frames(folder, opened):
     assert live.dropped == 10
 
 
+RAW = RNG.integers(0, 256, (12, 256, 64), np.uint8)
+
+
+def test_raw_files_in_a_folder_are_followed_while_they_grow(folder, opened):
+    path = folder / "RAW0.bin"
+    path.write_bytes(RAW[:2].tobytes())
+    live = opened(folder, LiveOptions(format="swissspad2"))
+    wait_for(lambda: live.frames.stop == 2)
+    with path.open("ab", buffering=0) as file:
+        file.write(RAW[2:5].tobytes() + b"123")
+        wait_for(lambda: live.frames.stop == 5)
+        file.write(RAW[5].tobytes()[3:])
+        wait_for(lambda: live.frames.stop == 6)
+        file.write(RAW[6:8].tobytes() + b"1")
+    (folder / "RAW1.bin").write_bytes(RAW[8:].tobytes())
+    wait_for(lambda: live.frames.stop == 12)
+    expected = np.unpackbits(RAW[8:], axis=2, bitorder="little")
+    np.testing.assert_array_equal(live.part(range(8, 12)).to_array(), expected)
+    assert live.dropped == 0
+    assert live.remark.endswith("1 bytes are left over and not used")
+
+
+def test_an_empty_file_is_passed_over_when_the_next_one_appears(folder, opened, monkeypatch):
+    monkeypatch.setattr("jotlight.view.live.growing_file.MAX_FAILURES", 0.05)
+    put_files(folder, 0)
+    live = opened(folder, LiveOptions())
+    (folder / "f1.npy").touch()
+    put_files(folder, 2)
+    wait_for(lambda: live.frames.stop == 30)
+    assert live.dropped == 10
+    assert "f1.npy" in live.remark
+
+
+def test_files_that_listings_lack_while_they_appear_are_not_dropped(folder, opened, monkeypatch):
+    put_files(folder, 0)
+    live = opened(folder, LiveOptions())
+    put_files(folder.parent, 1, 2, 3, 4, 5)
+    lacking = iter([(2, 4, 5), (4,)])
+
+    def list_some(_, seen=()):
+        absent = {f"f{number}.npy" for number in next(lacking, ())}
+        return [each for each in list_files(folder.parent, seen) if each[0][1] not in absent]
+
+    monkeypatch.setattr("jotlight.view.live.folder.list_files", list_some)
+    wait_for(lambda: live.frames.stop == 60)
+    np.testing.assert_array_equal(live.part(range(60)).packed, FRAMES[:60])
+    assert (live.dropped, live.remark) == (0, None)
+
+
 def test_a_folder_without_captures_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("jotlight.view.live.folder._MAX_FAILURES", 0.05)
+    monkeypatch.setattr("jotlight.view.live.growing_file.MAX_FAILURES", 0.05)
     (folder / "notes.txt").write_text("a bird")
     with pytest.raises(ValueError, match=r"notes\.txt"):
         open_live(folder, LiveOptions(), {"frames": 1})

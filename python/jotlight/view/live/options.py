@@ -169,7 +169,7 @@ def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Op
 
 
 def _open_folder(path: Path, options: LiveOptions) -> _Opened:
-    """Return the frames of the newest file of a folder, and the work that adds later ones."""
+    """Return the memory for the frames of a folder, and the work that adds them."""
     arguments = {"format": options.format, "layout": options.layout, **options.arguments}
 
     def open_file(file: Path) -> Any:
@@ -178,8 +178,9 @@ def _open_folder(path: Path, options: LiveOptions) -> _Opened:
     file, bits = open_first(path, open_file)
     layout = _packed_layout(bits.packed.shape[1], bits.width)
     ring = FrameRing(layout, options.history << 20)
-    work = FolderReader(path, open_file, file, bits)
     name = bits.provenance.format if bits.provenance else "folder"
+    is_raw = name in FORMATS and FORMATS[name].is_raw
+    work = FolderReader(path, open_file, file, is_raw=is_raw)
     return ring, work, name, _frame_sensor(bits, file)
 
 
