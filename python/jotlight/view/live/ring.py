@@ -90,10 +90,9 @@ class FrameRing:
         if whole and is_due and now >= self._sampled + _SAMPLE_SECONDS:
             self._sampled = now
             place = (self._end - 1) % self.capacity * self.frame_bytes
-            frame = self.layout.decode(self._memory[None, place : place + self.frame_bytes])
-            ones = int(np.unpackbits(frame, axis=2, count=self.layout.width).sum())
-            fraction = ones / (self.layout.shape[0] * self.layout.width)
-            self._samples.append((self._end - 1, fraction))
+            raw = self._memory[place : place + self.frame_bytes].reshape(1, -1)
+            jots = np.unpackbits(self.layout.decode(raw), axis=2, count=self.layout.width)
+            self._samples.append((self._end - 1, float(jots.mean())))
 
     def append(self, raw: npt.NDArray[np.uint8]) -> None:
         """Add raw frames, of any shape."""
