@@ -9,6 +9,7 @@ import pytest
 import jotlight as jl
 from examples.encodings import npy_bytes
 from folders import file_names
+from jotlight.errors import JotlightWarning
 from jotlight.formats.npy.archives import read_npz
 from jotlight.formats.npy.arrays import read_npy
 
@@ -44,6 +45,15 @@ def test_damaged_and_foreign_files_are_refused_by_name(tmp_path, content, messag
     with pytest.raises(ValueError, match=message) as caught:
         jl.open(path)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("more", [b"1", CUBE])
+def test_bytes_after_an_array_are_stated(tmp_path, more):
+    path = tmp_path / "cube.npy"
+    path.write_bytes(CUBE + more)
+    message = rf"cube\.npy: {len(more)} bytes follow the array of shape \(4, 8, 2\)"
+    with pytest.warns(JotlightWarning, match=message):
+        assert len(jl.open(path)) == 4
 
 
 def test_no_code_in_a_pickle_runs(tmp_path):

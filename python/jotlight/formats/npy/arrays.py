@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from isal.igzip_lib import IsalError
 
+from jotlight.errors import warn
 from jotlight.formats.files.file_reader import FileReader
 from jotlight.formats.files.remote_files import open_binary
 from jotlight.sensing.bits.frames import Frames, read_in_chunks
@@ -143,7 +144,7 @@ def open_npy_array(
 
     `begin` and `end` are the positions of the `.npy` file in a file that contains it. An array
     without dimensions is read completely, and so is an array in Fortran order, because its frames
-    are not contiguous.
+    are not contiguous. Warns about bytes after the array, which are not read.
 
     Raises
     ------
@@ -177,6 +178,11 @@ def open_npy_array(
         raise ValueError(
             f"{path}: expected a complete .npy file, but its size does not fit its header, or the "
             f"header is damaged (claims {dtype} of shape {shape}, has {reader.size} bytes)"
+        )
+    if left := available - math.prod(shape) * dtype.itemsize:
+        warn(
+            f"{path}: {left} bytes follow the array of shape {shape} that the header states, and "
+            "are not read; the header may state too few frames, or the file holds several arrays"
         )
     if fortran_order or not shape:
         data = reader.read(start, math.prod(shape) * dtype.itemsize)
