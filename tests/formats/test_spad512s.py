@@ -43,9 +43,21 @@ def test_one_trailer_in_a_folder_identifies_the_format(ended, tmp_path):
     for number, frame in enumerate(array):
         content = twin.encode_spad512s(frame[None]) + (b"DONE" if number == ended else b"")
         (tmp_path / f"RAW{number}.bin").write_bytes(content)
-    bits = jl.open(tmp_path)
+    with pytest.warns(jl.JotlightWarning, match=f"RAW{1 - ended}.bin: does not have the end that"):
+        bits = jl.open(tmp_path)
     assert bits.provenance.format == "spad512s"
     np.testing.assert_array_equal(bits.to_array(), array)
+
+
+def test_an_empty_sparse_file_between_others_is_stated(tmp_path):
+    array = random_frames((3, *FULL), share=1e-5)
+    jl.save(jl.Bits.from_array(array), tmp_path / "a.bin", format="spad512s-sparse")
+    content = (tmp_path / "a.bin").read_bytes()
+    (tmp_path / "folder").mkdir()
+    for number in range(3):
+        (tmp_path / f"folder/RAW{number}.bin").write_bytes(content if number != 1 else b"DONE")
+    with pytest.warns(jl.JotlightWarning, match="RAW1.bin: holds 0 frames, and other files 3"):
+        assert len(jl.open(tmp_path / "folder")) == 6
 
 
 def test_files_of_a_folder_are_in_natural_order(tmp_path):

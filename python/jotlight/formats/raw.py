@@ -9,12 +9,13 @@ import numpy.typing as npt
 from jotlight.errors import counted, warn
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.file_sequence import join_files
 from jotlight.formats.files.magic import file_type
 from jotlight.formats.format import FrameLayout
 from jotlight.formats.npy.compressed import Stream, measure_gzip, naming_file, open_gzip
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Frames, Packed, concatenate, read_in_chunks
+from jotlight.sensing.bits.frames import Frames, Packed, read_in_chunks
 
 EXTENSIONS = (".bin", ".bin.gz")
 """Extensions of files with raw frames."""
@@ -58,7 +59,8 @@ class RawFile:
             size = self._file.size
             end_bytes = min(size, len(trailer))
             end = self._file.read(size - end_bytes, end_bytes).tobytes()
-        self.size = size - len(trailer) if trailer and end == trailer else size
+        self.has_trailer = trailer != b"" and end == trailer
+        self.size = size - len(trailer) if self.has_trailer else size
         """Number of bytes after decompression, without the trailer."""
 
     def read(self, position: int, size: int) -> Packed:
@@ -74,17 +76,25 @@ class RawFile:
 
 
 def read_raw(
-    files: Sequence[Path], layout: FrameLayout, trailer: bytes = b""
+    path: Path,
+    files: Sequence[Path],
+    layout: FrameLayout,
+    trailer: bytes = b"",
+    numbers: Sequence[int] | None = None,
 ) -> npt.NDArray[Any] | Frames:
     """Return the frames of several files as one stack.
 
     Parameters
     ----------
+    path : path
+        The file, or the folder of the files.
     files : sequence of paths
     layout : FrameLayout
         The layout of their frames.
     trailer : bytes
         Bytes that may follow the last frame of a file.
+    numbers : sequence of int, optional
+        The numbers of the files, if their names count them.
 
     Returns
     -------
@@ -95,7 +105,10 @@ def read_raw(
     ValueError
         When no file has a complete frame.
     """
-    frames = concatenate([_read_raw_file(file, layout, trailer) for file in files])
+    raw = [RawFile(file, trailer) for file in files]
+    parts = [_frames_of(file, layout) for file in raw]
+    finished = [file.has_trailer for file in raw]
+    frames = join_files(path, files, parts, numbers=numbers, finished=finished)
     if len(frames) == 0:
         where = f"any of {len(files)} files" if len(files) > 1 else "it"
         raise ValueError(
@@ -105,13 +118,15 @@ def read_raw(
     return frames
 
 
-def _read_raw_file(path: Path, layout: FrameLayout, trailer: bytes) -> Frames:
+def _frames_of(file: RawFile, layout: FrameLayout) -> Frames:
     frame_bytes = layout.frame_bytes
-    file = RawFile(path, trailer)
     number, left = divmod(max(0, file.size - layout.file_header), frame_bytes)
     if left:
         complete = counted(number, "complete frame")
-        warn(f"{path}: {complete} of {frame_bytes} bytes; {left} bytes are left over and not used")
+        warn(
+            f"{file.path}: {complete} of {frame_bytes} bytes; {left} bytes are left over and not "
+            "used"
+        )
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         position = layout.file_header + start * frame_bytes

@@ -18,6 +18,7 @@ import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.files.file_lists import list_files, natural_sort_key
 from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.file_sequence import join_files
 from jotlight.formats.files.magic import file_type
 from jotlight.formats.files.safe_paths import MAX_SEARCHED, list_below
 from jotlight.formats.format import Format, FrameLayout, Writer
@@ -32,7 +33,7 @@ from jotlight.formats.raw import (
     write_raw,
 )
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Frames, Packed, concatenate
+from jotlight.sensing.bits.frames import Frames, Packed
 from jotlight.sensing.parameters.provenance import Provenance
 
 FRAMES_PER_FILE = 1000
@@ -105,14 +106,16 @@ def open_spad512s(path: Path, options: ReadingOptions, *, sparse: bool = False) 
     """Return the bits of a file, or of a folder in natural order."""
     files = list_files(path, EXTENSIONS, "SPAD512S")
     if sparse:
-        frames = concatenate([_read_sparse(file) for file in files])
+        raw = [RawFile(file, _TRAILER) for file in files]
+        finished = [file.has_trailer for file in raw]
+        frames = join_files(path, files, list(map(_read_sparse, raw)), finished=finished)
         if len(frames) == 0:
             raise ValueError(
                 f"{path}: expected frames that end in {_END_OF_FRAME}, got no such end"
             )
         notes = [f"positions of the ones as uint32, little endian, row by row; {_ROTATED}"]
     else:
-        frames = read_raw(files, _LAYOUT, _TRAILER)
+        frames = read_raw(path, files, _LAYOUT, _TRAILER)
         notes = [f"frames of {_SIDE} x {_SIDE}, the most significant bit first; {_ROTATED}"]
     if len(files) > 1:
         notes.append(f"{len(files)} files in the natural order of their names")
@@ -120,8 +123,8 @@ def open_spad512s(path: Path, options: ReadingOptions, *, sparse: bool = False) 
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 
 
-def _read_sparse(path: Path) -> Frames:
-    file = RawFile(path, _TRAILER)
+def _read_sparse(file: RawFile) -> Frames:
+    path = file.path
     total, left = divmod(file.size, 4)
 
     def read_words(start: int, number: int) -> npt.NDArray[np.uint32]:

@@ -57,7 +57,7 @@ def open_raw(path: Path, options: ReadingOptions) -> Capture:
         )
     layout = RawLayout.parse(options.layout)
     files = list_files(path, OTHER_EXTENSIONS, "raw")
-    frames = read_raw(files, frame_layout(layout))
+    frames = read_raw(path, files, frame_layout(layout))
     provenance = Provenance(RAW.name, path.name, (f"the stated layout {layout}",))
     if len(files) > 1:
         note = f"{len(files)} files in the natural order of their names"

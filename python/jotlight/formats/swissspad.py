@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 import jotlight._engine as engine
-from jotlight.errors import warn
 from jotlight.formats.files.file_lists import list_files
 from jotlight.formats.format import Format, FrameLayout, Writer
 from jotlight.formats.frames.reading_options import ReadingOptions
@@ -77,9 +76,10 @@ _HALF, _FULL = _layout(_HALF_HEIGHT, _decode_half), _layout(2 * _HALF_HEIGHT, _d
 
 def open_swissspad(path: Path, options: ReadingOptions, *, full: bool = False) -> Bits:
     """Return the bits of a `.bin` file, or of a folder sorted by the numbers in the file names."""
-    files = _sort_by_number(path, list_files(path, EXTENSIONS, "SwissSPAD2"))
+    numbered = _number(path, list_files(path, EXTENSIONS, "SwissSPAD2"))
+    files = list(numbered.values())
     layout = _FULL if full else _HALF
-    frames = read_raw(files, layout)
+    frames = read_raw(path, files, layout, numbers=list(numbered))
     notes = [f"frames of {layout.shape[0]} x {_WIDTH}, the least significant bit first"]
     if full:
         notes.append("the two halves alternate every 128 bits, the bottom half upside down")
@@ -89,10 +89,10 @@ def open_swissspad(path: Path, options: ReadingOptions, *, full: bool = False) -
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 
 
-def _sort_by_number(path: Path, files: list[Path]) -> list[Path]:
-    """Return files in the order of the last whole number in their names, ignoring folders."""
+def _number(path: Path, files: list[Path]) -> dict[int, Path]:
+    """Return files by the last whole number in their names, in its order, ignoring folders."""
     if len(files) == 1:
-        return files
+        return {0: files[0]}
     numbered: dict[int, Path] = {}
     for file in files:
         digits = re.findall(r"[0-9]+", file.stem)
@@ -103,10 +103,7 @@ def _sort_by_number(path: Path, files: list[Path]) -> list[Path]:
                 f"got {numbered.get(number, file)} and {file}; open one capture at a time"
             )
         numbered[number] = file
-    first, last = min(numbered), max(numbered)
-    if missing := last - first + 1 - len(numbered):
-        warn(f"{path}: {missing} of the files {first} to {last} are missing; the others are used")
-    return [numbered[number] for number in sorted(numbered)]
+    return dict(sorted(numbered.items()))
 
 
 def _file_name(index: int) -> str:

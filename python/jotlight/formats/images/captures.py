@@ -13,6 +13,7 @@ from jotlight.formats.capture import Capture
 from jotlight.formats.files.checksums import check_appended, check_opened, missing_error
 from jotlight.formats.files.file_lists import list_files
 from jotlight.formats.files.file_reader import FileReader
+from jotlight.formats.files.file_sequence import join_files
 from jotlight.formats.files.limits import check_claimed_size
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
@@ -43,7 +44,7 @@ from jotlight.formats.images.writing import write_png, write_tiff, write_tiff_re
 from jotlight.layout import is_single_image
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import warn_about_axes
-from jotlight.sensing.bits.frames import Frames, concatenate
+from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.parameters.provenance import Provenance
 
 _TIFF_EXTENSIONS = (".tif", ".tiff")
@@ -123,7 +124,7 @@ def _open_images(
         )
     if notes[0] is not None:
         provenance = provenance.with_notes(notes[0])
-    frames = concatenate(parts)
+    frames = join_files(path, files, parts)
     if frames.dtype == np.bool_ and frames.ndim == 3:
         provenance = provenance.with_notes("black-and-white images are frames of bits, white for 1")
         return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)

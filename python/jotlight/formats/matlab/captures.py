@@ -16,6 +16,7 @@ from jotlight.files import atomic_folder
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.checksums import check_seal, file_checksum, is_sealed, seal
 from jotlight.formats.files.file_lists import natural_sort_key
+from jotlight.formats.files.file_sequence import join_files
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.safe_paths import check_inside
 from jotlight.formats.format import Format, Writer
@@ -29,7 +30,6 @@ from jotlight.interrupts import interruptible
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import warn_about_axes
-from jotlight.sensing.bits.frames import concatenate
 from jotlight.sensing.parameters.provenance import Provenance
 
 _FRAMES_PER_PART, _BYTES_PER_PART = 256, 1 << 26
@@ -68,7 +68,7 @@ def open_matlab(path: Path, options: ReadingOptions) -> Capture:
     parts = [open_mat(file, options.key, library, checksums.get(file.name)) for file in files]
     if len({part.shape[1:] for part in parts}) != 1:
         raise ValueError(f"{path}: expected parts of one height and width")
-    frames = concatenate(parts)
+    frames = join_files(path, files, parts)
     if checksums and info is not None and info.frames != len(frames):
         raise ValueError(f"{path}: expected {info.frames} frames, got {len(frames)}; it is damaged")
     if info is not None and info.frames < len(frames):
