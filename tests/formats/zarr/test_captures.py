@@ -20,7 +20,7 @@ def test_arrays_are_chosen_by_name(tmp_path):
     group = zarr.open_group(str(tmp_path / "a.zarr"), mode="w")
     for name, values in {"counts": COUNTS, "bool": array, "exposure": np.array(0.5)}.items():
         group.create_array(name, shape=values.shape, dtype=values.dtype)[...] = values
-    counts = jl.open(tmp_path / "a.zarr", key="counts", frames=slice(0, 3))
+    counts = jl.open(tmp_path / "a.zarr", key="/counts", frames=slice(0, 3))
     np.testing.assert_array_equal(counts, COUNTS[:3].sum(0))
     np.testing.assert_array_equal(jl.open(tmp_path / "a.zarr", key="bool").to_array(), array)
     with pytest.raises(ValueError, match=r"--key.*bool, counts, exposure"):

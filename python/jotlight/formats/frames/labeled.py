@@ -74,7 +74,7 @@ def open_stored_array(
     ValueError
         When the array cannot be chosen, or its shape, type or label is invalid.
     """
-    key, name = _select_key(arrays, provenance.name, options.key), provenance.name
+    key, name = _select_key(arrays, provenance.name, options.path_key), provenance.name
     array, text, counts = arrays[key].open(), arrays[key].label, options.takes_counts
     frames = array.frames
     try:

@@ -136,6 +136,11 @@ class ReadingOptions:
         return True if self.unpacked else self.counts
 
     @property
+    def path_key(self) -> str | None:
+        """The key in a file of groups, whose root may be stated as a slash before it."""
+        return None if self.key is None else self.key.lstrip("/")
+
+    @property
     def takes_floats(self) -> bool:
         """Whether the numbers may be floats: means of frames, or unpacked bits."""
         return self.unpacked is True or self.holds_means

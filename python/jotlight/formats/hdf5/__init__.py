@@ -1,5 +1,6 @@
 """HDF5 files, and the HDF5 library in this process or in a child process.
 
 - `captures`: data sets of bits and counts as captures.
-- `library`: the calls of the HDF5 library. `isolated`: the same calls in a child process.
+- `library`: the calls of the HDF5 library. `isolated`: the same calls in a child process, which
+  runs `child`.
 """

@@ -63,10 +63,18 @@ _USER_BLOCK = (
 _MARKS = (b"jotlight wrote", b"SHA-256")
 """Parts of this text that identify it. One flipped bit cannot damage both."""
 
-_LAYOUT_TEXTS = {
-    "external": "an external data set, whose values are in other files",
-    "virtual": "a virtual data set, whose parts may be in other files",
+_REFUSALS = {
+    "external": "an external data set, whose values are in other files, and jotlight opens no "
+    "other file; copy its values into an ordinary data set",
+    "virtual": "a virtual data set, whose parts may be in other files, and jotlight opens no other "
+    "file; copy its values into an ordinary data set",
+    "compound": "a table, such as a list of events; jotlight reads arrays of numbers, so convert "
+    "it to frames of bits (T, H, W), or to counts (H, W)",
 }
+"""What data sets of each layout are that are not read, and what to do."""
+
+_FILTERS = {4: "SZIP", 32001: "Blosc", 32004: "LZ4", 32008: "Bitshuffle", 32015: "Zstandard"}
+"""Names of filters by their registered numbers."""
 
 _IS_WRITTEN = "another program is writing it; open it again when it is complete"
 
@@ -123,6 +131,24 @@ def _naming_file(path: Path) -> Iterator[None]:
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
 
 
+@contextlib.contextmanager
+def _naming_filter(path: Path, data_set: DataSet) -> Iterator[None]:
+    """Raise a ValueError that names the filter, if the library lacks one, for every error.
+
+    Chunks that a program stored without an optional filter can be read.
+    """
+    try:
+        yield
+    except Exception as error:
+        if not data_set.missing_filters:
+            raise
+        number = data_set.missing_filters[0]
+        raise ValueError(
+            f"{path}: {data_set.name} is stored with the filter {_FILTERS.get(number, number)}, "
+            "which HDF5 cannot decode without a package that adds it: pip install hdf5plugin"
+        ) from error
+
+
 def list_data_sets(path: Path, library: Library) -> dict[str, ListedArray]:
     """Return the numeric data sets of an HDF5 file by name.
 
@@ -154,10 +180,7 @@ def list_data_sets(path: Path, library: Library) -> dict[str, ListedArray]:
 def _open_data_set(file: FileReader, data_set: DataSet, library: Library) -> StoredArray:
     path = file.path
     if data_set.layout != "ordinary":
-        raise ValueError(
-            f"{path}: {data_set.name} is {_LAYOUT_TEXTS[data_set.layout]}, and jotlight opens no "
-            "other file; copy its values into an ordinary data set"
-        )
+        raise ValueError(f"{path}: {data_set.name} is {_REFUSALS[data_set.layout]}")
     dtype = np.dtype(data_set.dtype)
     shape, name = data_set.shape, f"{path}: {data_set.name}"
     frame_bytes = math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize
@@ -177,7 +200,7 @@ def _open_data_set(file: FileReader, data_set: DataSet, library: Library) -> Sto
         )
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        with file.expect_unchanged(), _naming_file(path):
+        with file.expect_unchanged(), _naming_file(path), _naming_filter(path, data_set):
             return np.asarray(library.read(data_set, int(start), int(stop)))
 
     frames = Frames(shape, read, dtype)

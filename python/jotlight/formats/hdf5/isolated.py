@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.files.remote_files import RemoteFile, RemoteStream, remote_file
-from jotlight.formats.hdf5 import library
 from jotlight.formats.hdf5.library import LAYOUTS, SECONDS, DataSet, receive, send
 
 _ERRORS = {
@@ -110,7 +109,7 @@ class IsolatedLibrary:
         return reply
 
     def _start(self, path: str) -> None:
-        script = str(Path(library.__file__))
+        script = str(Path(__file__).with_name("child.py"))
         try:
             if not sys.executable:
                 raise FileNotFoundError("sys.executable names no Python")
@@ -189,8 +188,11 @@ def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:
     )
     if not all(type(size) is int and size >= 0 for size in sizes):
         raise TypeError(f"a shape and chunks of {sizes}")
-    if not isinstance(data_set.name, str) or np.dtype(data_set.dtype).kind not in "biuf":
+    kinds = "V" if data_set.layout == "compound" else "biuf"
+    if not isinstance(data_set.name, str) or np.dtype(data_set.dtype).kind not in kinds:
         raise TypeError(f"an array {data_set.name!r} of {data_set.dtype!r}")
+    if not all(type(each) is int for each in data_set.missing_filters):
+        raise TypeError(f"filters {data_set.missing_filters!r}")
     if data_set.layout not in LAYOUTS:
         raise TypeError(f"a layout {data_set.layout!r}")
     if not isinstance(data_set.label, str | None):

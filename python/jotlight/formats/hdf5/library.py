@@ -1,16 +1,14 @@
 """The calls of the HDF5 library that jotlight needs, in this process or in a child process.
 
-A child process runs this file as a script (see ``isolated``). To start fast, the file imports
-nothing of jotlight, and it imports NumPy and h5py only when it needs them.
+A child process loads this file alone (see ``child``). To start fast, the file imports nothing of
+jotlight, and it imports h5py only when it needs it.
 """
 
+import contextlib
 import dataclasses
-import io
+import importlib
 import json
 import math
-import os
-import signal
-import sys
 import weakref
 from collections.abc import Callable
 from typing import Any, BinaryIO
@@ -29,18 +27,12 @@ _MAX_OPEN_FILES = 16
 _MAX_MESSAGE_BYTES = 1 << 26
 """Maximum size of a message's header. The bytes of frames follow the header."""
 
-_MEMORY = 1 << 28
-"""Memory in bytes that a child process may use, plus that for the requested frames and chunks."""
-
 SECONDS = 60
 """CPU time in seconds that a request may take, plus the time for the requested bytes."""
 
-_BYTES_PER_SECOND = 1 << 22
-"""Minimum number of requested bytes that a second of CPU time must suffice for."""
-
-
-LAYOUTS = ("ordinary", "external", "virtual")
-"""Where data are: in the data set, in other files, or in data sets that may be in other files."""
+LAYOUTS = ("ordinary", "external", "virtual", "compound")
+"""Where data are: in the data set, in other files, or in data sets that may be in other files. Or
+that its elements are no numbers."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,6 +53,8 @@ class DataSet:
     read the whole index."""
     layout: str
     """One of `LAYOUTS`. The shape and the chunks are known only of an ordinary data set."""
+    missing_filters: tuple[int, ...]
+    """The numbers of the filters that the library lacks, but needs to decode the chunks."""
     label: str | None
     """The text in the requested attribute, or None."""
     label_ignored: bool
@@ -83,7 +77,7 @@ class Hdf5Library:
         _LIBRARIES.add(self)
 
     def list_data_sets(self, path: str, attribute: str) -> list[DataSet]:
-        """Return the numeric data sets of a file."""
+        """Return the numeric data sets of a file, or if there are none, the compound ones."""
         # HDF5 shares its caches among all who have a file open in a process. So the others close
         # their files: this one may have changed since they opened it.
         for other in set(_LIBRARIES) - {self}:
@@ -97,17 +91,20 @@ class Hdf5Library:
         return self._data_sets(data_set.path)[data_set.name][start:stop]
 
     def _data_sets(self, path: str) -> dict[str, Any]:
-        """Return the numeric data sets of a file, which stays open for the next call."""
+        """Return the data sets of a file that is to stay open for the next call."""
         import h5py
 
         files = self._files
         if path in files:
             return files[path]
         found: dict[str, Any] = {}
+        compound: dict[str, Any] = {}
 
         def visit(name: str, item: Any) -> bool | None:
-            is_numeric = isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf"
-            if is_numeric and (_layout(item) != "ordinary" or item.ndim > 0):
+            kind = item.dtype.kind if isinstance(item, h5py.Dataset) else ""
+            if kind == "V" and len(compound) < _MAX_DATA_SETS:
+                compound[name] = item
+            elif kind in tuple("biuf") and (_layout(item) != "ordinary" or item.ndim > 0):
                 found[name] = item
             return True if len(found) >= _MAX_DATA_SETS else None
 
@@ -118,8 +115,8 @@ class Hdf5Library:
         # HDF5 closes a file when nothing refers to its data sets any more.
         while len(files) >= _MAX_OPEN_FILES:
             del files[next(iter(files))]
-        files[path] = found
-        return found
+        files[path] = found or compound
+        return files[path]
 
 
 _LIBRARIES: weakref.WeakSet[Hdf5Library] = weakref.WeakSet()
@@ -144,6 +141,8 @@ def _release_lock(file: Any) -> None:
 
 def _layout(item: Any) -> str:
     """Return the layout of a data set. The files of a virtual one are opened to know its shape."""
+    if item.dtype.kind == "V":
+        return "compound"
     if item.is_virtual:
         return "virtual"
     return "external" if item.external else "ordinary"
@@ -151,7 +150,7 @@ def _layout(item: Any) -> str:
 
 def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
     if (layout := _layout(item)) != "ordinary":
-        return DataSet(path, name, (), item.dtype.str, 0, 0, 0, 0, layout, None, False)
+        return DataSet(path, name, (), item.dtype.str, 0, 0, 0, 0, layout, (), None, False)
     label, ignored = None, False
     if attribute in item.attrs:
         ignored = item.attrs.get_id(attribute).dtype.kind != "S"
@@ -165,6 +164,7 @@ def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
         _count_chunk_frames(item),
         *_count_chunks(item),
         layout,
+        _find_missing_filters(item),
         label,
         ignored,
     )
@@ -192,6 +192,21 @@ def _count_chunk_frames(item: Any) -> int:
     numbers = item.chunks[0] * math.prod(-(-size // chunk) * chunk for size, chunk in sizes)
     cache_bytes = item.id.get_access_plist().get_chunk_cache()[1]
     return int(item.chunks[0]) if numbers * item.dtype.itemsize > cache_bytes else 0
+
+
+def _find_missing_filters(item: Any) -> tuple[int, ...]:
+    """Return the numbers of the filters of a data set that the library lacks.
+
+    The package hdf5plugin, if it is installed, adds filters to the library when it is imported.
+    """
+    import h5py
+
+    properties = item.id.get_create_plist()
+    filters = [properties.get_filter(index)[0] for index in range(properties.get_nfilters())]
+    if not all(map(h5py.h5z.filter_avail, filters)):
+        with contextlib.suppress(ImportError):
+            importlib.import_module("hdf5plugin")
+    return tuple(each for each in filters if not h5py.h5z.filter_avail(each))
 
 
 def send(stream: BinaryIO, header: dict[str, Any], content: memoryview | None = None) -> None:
@@ -222,128 +237,3 @@ def receive(stream: BinaryIO) -> dict[str, Any]:
     if not isinstance(header, dict):
         raise EOFError
     return header
-
-
-class _RemoteFiles:
-    """Files at URLs, whose bytes the parent process sends to this one on request."""
-
-    def __init__(self, requests: BinaryIO, replies: BinaryIO) -> None:
-        self._requests, self._replies = requests, replies
-        self._sizes: dict[str, int] = {}
-
-    def note(self, request: dict[str, Any]) -> None:
-        """Note the size of the file of a request, if it is at a URL."""
-        if request.get("remote_bytes") is not None:
-            self._sizes[request["path"]] = request["remote_bytes"]
-
-    def open(self, path: str) -> Any:
-        """Return a file at a URL as a file object, and the path of another one."""
-        size = self._sizes.get(path)
-        return path if size is None else _RemoteFile(size, self._read)
-
-    def _read(self, start: int, stop: int) -> bytes:
-        send(self._replies, {"wanted": [start, stop]})
-        receive(self._requests)
-        return self._requests.read(stop - start)
-
-
-class _RemoteFile(io.RawIOBase):
-    def __init__(self, size: int, read: Callable[[int, int], bytes]) -> None:
-        self._size, self._read, self._position = size, read, 0
-
-    def readable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return True
-
-    def tell(self) -> int:
-        return self._position
-
-    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
-        start = {io.SEEK_SET: 0, io.SEEK_CUR: self._position, io.SEEK_END: self._size}[whence]
-        self._position = start + offset
-        return self._position
-
-    def readinto(self, buffer: Any) -> int:
-        view = memoryview(buffer).cast("B")
-        stop = min(self._position + len(view), self._size)
-        number = max(0, stop - self._position)
-        if number:
-            view[:number] = self._read(self._position, stop)
-        self._position += number
-        return number
-
-
-def _serve(requests: BinaryIO, replies: BinaryIO) -> None:
-    """Answer requests until the other process closes the stream or ends."""
-    remote = _RemoteFiles(requests, replies)
-    library = Hdf5Library(remote.open)
-    while True:
-        try:
-            request = receive(requests)
-        except EOFError:
-            return
-        reply: dict[str, Any] = {}
-        content = None
-        try:
-            _limit_resources(request)
-            remote.note(request)
-            if "attribute" in request:
-                found = library.list_data_sets(request["path"], request["attribute"])
-                reply["data_sets"] = [dataclasses.asdict(each) for each in found]
-            else:
-                data_set = DataSet(**request["data_set"])
-                content = _raw_bytes(library.read(data_set, request["start"], request["stop"]))
-                reply["bytes"] = content.nbytes
-        except Exception as error:
-            reply, content = {"error": type(error).__name__, "message": str(error)}, None
-            if isinstance(error, ImportError):
-                reply["module"] = error.name
-        send(replies, reply, content)
-
-
-def _raw_bytes(array: Any) -> memoryview:
-    import numpy as np
-
-    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
-
-
-def _limit_resources(request: dict[str, Any]) -> None:
-    """Limit the memory and the computing time that this process may use for a request.
-
-    The time to wait for a slow disk does not count. A process that exceeds a limit receives an
-    error or ends.
-    """
-    if sys.platform == "win32":
-        return
-    import resource
-
-    read_bytes = request.get("bytes", 0)
-    chunk_bytes = request.get("data_set", {}).get("chunk_bytes", 0)
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    seconds = int(used.ru_utime + used.ru_stime) + SECONDS + read_bytes // _BYTES_PER_SECOND
-    for kind, limit in (
-        (resource.RLIMIT_CPU, seconds),
-        # The library decompresses a whole chunk, and doubles its buffer until the chunk fits.
-        (resource.RLIMIT_DATA, _MEMORY + 2 * read_bytes + 4 * chunk_bytes),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        hard = resource.getrlimit(kind)[1]
-        soft = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
-        resource.setrlimit(kind, (soft, hard))
-
-
-def _main() -> None:
-    # Ctrl-C also reaches this process. The one that started it decides when it ends.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    requests = sys.stdin.buffer
-    # Output of the library must not mix with the replies.
-    replies = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    sys.path[:] = receive(requests)["sys_path"]
-    _serve(requests, replies)
-
-
-if __name__ == "__main__":
-    _main()

@@ -60,9 +60,10 @@ def open_zarr(path: Path, options: ReadingOptions) -> Capture:
         raise FileNotFoundError(f"there is no folder {path}")
     folder = _list_folder(path)
     names = folder.arrays()
-    if options.key in names:
+    key = options.path_key
+    if key in names:
         # Descriptions of other arrays are read only if they may be maps of the sensor.
-        names = [name for name in (options.key, *MAPS) if name in names]
+        names = [name for name in (key, *MAPS) if name in names]
     arrays = {name: _list_array(folder, name) for name in names}
     return open_stored_array(arrays, Provenance("zarr", path.name), options)
 
