@@ -218,6 +218,18 @@ def test_bits_of_another_region_are_refused(calibration):
         )
 
 
+def test_bits_of_another_region_that_were_turned_since_are_refused(calibration, tmp_path):
+    jl.save(jl.Bits(np.zeros((4, 64, 8), np.uint8), 64), tmp_path / "all.npy")
+    whole = jl.open(tmp_path / "all.npy")
+    jl.save(whole[:, 1:33, 3:43], tmp_path / "dark.npy")
+    jl.save(whole[:, :32, 3:43], tmp_path / "seen.npy")
+    dark, seen = (jl.open(tmp_path / f"{name}.npy", rotate=180) for name in ("dark", "seen"))
+    known = dataclasses.replace(calibration, provenance={"dark": dark.provenance})
+    known.sensor(dark)
+    with pytest.raises(ValueError, match=r"this capture is of rows 32:64 and columns 21:61 of 64"):
+        known.sensor(seen)
+
+
 def test_bits_whose_hot_jots_are_elsewhere_cause_a_warning():
     rng = np.random.default_rng(1)
     dark = np.where(rng.random((64, 64)) < 0.02, 1.0, 0.002)

@@ -180,12 +180,27 @@ def test_the_region_of_a_converted_file_refers_to_the_original(tmp_path):
     assert noted_region(again.provenance) == (Region(range(3, 13), range(5, 23)), (16, 24))
     inner = again[:, 2:4, 1:]
     assert noted_region(inner.provenance) == (Region(range(5, 7), range(6, 23)), (16, 24))
-    # Rows before a turn are not those after it.
     turned = jl.open(tmp_path / "b.npy", rotate=180)
-    assert noted_region(turned.provenance) is None
+    assert noted_region(turned.provenance) == (Region(range(3, 13), range(1, 19)), (16, 24))
     first = jl.open(tmp_path / "a.npy", rotate=180)[:, :4]
     assert noted_region(first.provenance) == (Region(range(4), range(24)), (16, 24))
     assert noted_region(jl.open(tmp_path / "a.npy").provenance) is None
+
+
+@pytest.mark.parametrize("flips", [(None, "vertical"), ("horizontal", None), ("vertical",) * 2])
+@pytest.mark.parametrize("turns", [(90, 0), (0, 270), (180, 90)])
+def test_a_region_is_turned_along_with_its_frames(tmp_path, turns, flips):
+    """The region that is noted has the bits of the file if the whole file is turned first."""
+    bits = jl.Bits.from_array(np.random.default_rng(0).random((2, 16, 24)) < 0.5)
+    jl.save(bits, tmp_path / "a.npy")
+    part = jl.open(tmp_path / "a.npy", rotate=turns[0], flip=flips[0])[:, 3:13, 5:14]
+    jl.save(part, tmp_path / "b.npy")
+    turned = jl.open(tmp_path / "b.npy", rotate=turns[1], flip=flips[1])[:, 1:, :6]
+    region, size = noted_region(turned.provenance)
+    jl.save(jl.open(tmp_path / "a.npy", rotate=turns[0], flip=flips[0]), tmp_path / "c.npy")
+    whole = jl.open(tmp_path / "c.npy", rotate=turns[1], flip=flips[1])
+    assert whole.shape[1:] == size
+    np.testing.assert_array_equal(whole[:, *region.slices].to_array(), turned.to_array())
 
 
 def test_the_region_of_data_with_an_unknown_orientation_is_unknown():

@@ -197,6 +197,8 @@ def note_part(
 def noted_region(provenance: Provenance) -> tuple[Region, tuple[int, int]] | None:
     """Return the region that data have according to :func:`note_part`, or None if it is unknown.
 
+    Data that were turned after the region was taken have a region of the turned frames.
+
     Returns
     -------
     region : Region
@@ -212,12 +214,15 @@ def noted_region(provenance: Provenance) -> tuple[Region, tuple[int, int]] | Non
     (Region(rows=range(10, 14), columns=range(5, 9)), (64, 64))
     """
     found: tuple[Region, tuple[int, int]] | None = None
+    before = (0, False)
     for step in reversed([*provenance.lineage()]):
+        if step.orientation is None:
+            return None
+        # A file is turned before its region is taken.
+        if found is not None:
+            found = _turned(*found, before, step.orientation)
+        before = step.orientation
         for match in filter(None, map(_REGION_NOTE.fullmatch, step.notes)):
-            # A file is turned before its region is taken. Regions before and after a turn do not
-            # refer to the same rows.
-            if step.orientation is None or step.orientation != provenance.orientation:
-                return None
             top, bottom, left, right, height, width = map(int, match.groups())
             rows, columns = slice(top, bottom), slice(left, right)
             if found is None:
@@ -226,6 +231,31 @@ def noted_region(provenance: Provenance) -> tuple[Region, tuple[int, int]] | Non
                 outer, size = found
                 found = Region(outer.rows[rows], outer.columns[columns]), size
     return found
+
+
+def _turned(
+    region: Region, size: tuple[int, int], before: tuple[int, bool], after: tuple[int, bool]
+) -> tuple[Region, tuple[int, int]]:
+    """Return the region and the size of frames that are turned from an orientation to another.
+
+    Examples
+    --------
+    >>> _turned(Region(range(2), range(5)), (8, 9), (0, False), (1, False))
+    (Region(rows=range(4, 9), columns=range(0, 2)), (9, 8))
+    """
+    rows, columns, (height, width) = region.rows, region.columns, size
+    if before[1]:
+        columns = _mirrored(columns, width)
+    for _ in range((after[0] - before[0]) % 4):
+        rows, columns = _mirrored(columns, width), rows
+        height, width = width, height
+    if after[1]:
+        columns = _mirrored(columns, width)
+    return Region(rows, columns), (height, width)
+
+
+def _mirrored(part: range, length: int) -> range:
+    return range(length - part.stop, length - part.start)
 
 
 def split_index(index: Any) -> tuple[Any, tuple[Any, ...]]:
