@@ -14,11 +14,12 @@ const ELEMENTS_PER_QUESTION: usize = 1 << 6;
 pub(crate) fn write<T: Send>(out: &mut [T], per_task: usize, value: impl Fn(usize) -> T + Sync) {
     let tasks = out.par_chunks_mut(per_task).enumerate();
     tasks.for_each(|(task, out)| {
-        for (index, out) in (task * per_task..).zip(out) {
-            if index % ELEMENTS_PER_QUESTION == 0 && interrupt::is_requested() {
+        for (offset, out) in out.iter_mut().enumerate() {
+            // Each task asks at its start, also one with fewer elements.
+            if offset % ELEMENTS_PER_QUESTION == 0 && interrupt::is_requested() {
                 return;
             }
-            *out = value(index);
+            *out = value(task * per_task + offset);
         }
     });
 }
@@ -55,4 +56,31 @@ pub(crate) fn sum(length: usize, per_task: usize, term: impl Fn(usize) -> f64 + 
         })
         .collect();
     sums.iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    #[test]
+    fn tasks_of_few_elements_end_early_too() {
+        let (flag, calls) = (interrupt::Flag::default(), AtomicUsize::new(0));
+        let own = flag.clone();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(2)
+            .start_handler(move |_| own.attach())
+            .build();
+        let count = |_| calls.fetch_add(1, Ordering::Relaxed);
+        let run = |per_task| {
+            let mut out = [0; 256];
+            let work = || write(&mut out, per_task, count);
+            pool.as_ref().map(|pool| pool.install(work)).is_ok()
+        };
+        flag.raise();
+        assert!([1, 16, 64, 100, 256].into_iter().all(run));
+        flag.lower();
+        assert_eq!(calls.load(Ordering::Relaxed), 0);
+    }
 }
