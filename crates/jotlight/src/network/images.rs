@@ -1,8 +1,9 @@
-//! Several images in one call.
+//! The evaluation of networks for several images in one call.
+
+use ndarray::{ArrayViewMut, Dimension};
 
 use crate::error::{Error, Result};
 use crate::images::for_each_image;
-use ndarray::{ArrayViewMut, Dimension};
 
 /// The maximum number of pixels of images that are evaluated at the same time. Larger images have
 /// several tiles, which run in parallel, and more images at once would not fit into the caches.
