@@ -92,8 +92,8 @@ impl PixelResponse {
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside 0
-/// to the number of frames, an oversampling of 0, a size that does not divide `out` into images, and parameters of the response that are not finite,
-/// or negative.
+/// to the number of frames, an oversampling of 0, a size that does not divide `out` into images, and
+/// parameters of the response that are not finite, or negative.
 pub fn from_jots(
     response: &PixelResponse,
     counts: &JotCounts<'_>,
@@ -108,7 +108,7 @@ pub fn from_jots(
     let jots = oversampling.checked_mul(oversampling);
     let jots = jots.and_then(|jots| jots.checked_mul(out.len()));
     if jots != Some(counts.ones.len()) {
-        let expected = format!("{} x {oversampling} x {oversampling}", out.len());
+        let expected = format_args!("{} x {oversampling} x {oversampling}", out.len());
         return Err(Error::shape("ones", expected, counts.ones.len()));
     }
     if out.is_empty() {

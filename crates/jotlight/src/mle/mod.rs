@@ -217,9 +217,9 @@ fn one_photon_intensities_inlined(
 /// images have the same number of pixels, and a number of `reference_trials` each. The expected
 /// counts are real numbers from 0 to this number.
 ///
-/// The equivalent pixel has the maximum-likelihood intensity of the actual pixel, but
-/// the reference number of readings, and jots with the response `reference`. Methods that combine pixels
-/// can therefore treat all pixels alike. A pixel without readings becomes NaN.
+/// The equivalent pixel has the maximum-likelihood intensity of the actual pixel, but the reference
+/// number of readings, and jots with the response `reference`. Methods that combine pixels can
+/// therefore treat all pixels alike. A pixel without readings becomes NaN.
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside

@@ -85,12 +85,9 @@ impl<'a, F: Real> Graph<'a, F> {
             return Err(Error::range("layers", expected, received));
         }
         if graph.scales.last() != Some(&Scale { image: 1, plane: 1 }) {
-            let expected = "planes of the size of the image";
-            return Err(Error::shape(
-                "output of the last layer",
-                expected,
-                "another size",
-            ));
+            let expected = format_args!("planes of the size of the image");
+            let received = format_args!("another size");
+            return Err(Error::shape("output of the last layer", expected, received));
         }
         Ok(graph)
     }

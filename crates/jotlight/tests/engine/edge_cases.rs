@@ -191,6 +191,9 @@ fn empty_arrays_are_errors_or_lead_to_empty_results() -> Result<()> {
         let result = from_jots(&response(1.0)?, &counts(oversampling), size, &mut out);
         assert_eq!(argument(result), expected);
     }
+    let result = from_jots(&response(1.0)?, &counts(2), (1, 1), &mut out);
+    let message = result.map_or_else(|error| error.to_string(), |()| String::new());
+    assert_eq!(message, "ones: expected 1 x 2 x 2, got 1");
     Ok(())
 }
 

@@ -223,16 +223,24 @@ fn layers_that_do_not_match_are_refused() -> Result<()> {
     let mut random = Random(5);
     let (sums, mut out) = (Array3::zeros((1, 4, 4)), Array2::zeros((4, 4)));
     let first = random.layer((1, 1, 1, 1), Wiring::default())?;
-    for (shape, wiring) in [
-        ((1, 2, 1, 1), Wiring::default()),
-        ((2, 1, 1, 1), Wiring::default()),
-        ((1, 1, 2, 2), wiring(2, 1, None, None)),
-        ((4, 1, 1, 1), wiring(1, 2, None, None)),
-        ((1, 1, 1, 1), wiring(1, 1, Some(1), None)),
-        ((1, 1, 1, 1), wiring(1, 1, None, Some(1))),
+    let of_size = "output of the last layer: expected planes of the size of the image, \
+                   got another size";
+    for (shape, wiring, expected) in [
+        ((1, 2, 1, 1), Wiring::default(), "input channels of a layer"),
+        (
+            (2, 1, 1, 1),
+            Wiring::default(),
+            "output channels of the last",
+        ),
+        ((1, 1, 2, 2), wiring(2, 1, None, None), of_size),
+        ((4, 1, 1, 1), wiring(1, 2, None, None), of_size),
+        ((1, 1, 1, 1), wiring(1, 1, Some(1), None), "input or skip"),
+        ((1, 1, 1, 1), wiring(1, 1, None, Some(1)), "input or skip"),
     ] {
         let second = random.layer(shape, wiring)?;
-        assert!(forward(&[&first, &second], sums.view(), out.view_mut()).is_err());
+        let message = forward(&[&first, &second], sums.view(), out.view_mut())
+            .map_or_else(|error| error.to_string(), |()| String::new());
+        assert!(message.starts_with(expected), "{message}");
     }
     assert!(forward::<f64>(&[], sums.view(), out.view_mut()).is_err());
     Ok(())

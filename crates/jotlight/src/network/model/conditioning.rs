@@ -86,7 +86,7 @@ fn interpolate(
         return Ok(array.clone());
     }
     if array.ndim() != dimensions + 1 || array.len_of(Axis(0)) != weights.len() {
-        let expected = format!(
+        let expected = format_args!(
             "{dimensions} dimensions, or one more for {} sets",
             weights.len()
         );
@@ -103,6 +103,14 @@ fn interpolate(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn arrays_of_other_dimensions_are_named() {
+        let other = interpolate("filters", &ArrayD::zeros(vec![3, 1]), 4, &[0.5; 6]);
+        let message = other.map_or_else(|error| error.to_string(), |_| String::new());
+        let expected = "filters: expected 4 dimensions, or one more for 6 sets, got [3, 1]";
+        assert_eq!(message, expected);
+    }
 
     #[test]
     fn the_weights_are_those_of_cubic_b_splines() -> Result<()> {
