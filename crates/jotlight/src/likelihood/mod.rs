@@ -135,8 +135,8 @@ impl<'a> Readings<'a> {
         curvature: &mut [f64],
     ) -> Result<()> {
         check_shape("light", self.len(), light.len())?;
-        check_shape("light", self.len(), gradient.len())?;
-        check_shape("light", self.len(), curvature.len())?;
+        check_shape("gradient", self.len(), gradient.len())?;
+        check_shape("curvature", self.len(), curvature.len())?;
         let write = |chunk: &mut Chunk, first, gradient: &mut [f64], curvature: &mut [f64]| {
             chunk.fill(self, first / ELEMENTS_PER_CHUNK);
             let light = &light[first..];
@@ -166,7 +166,7 @@ impl<'a> Readings<'a> {
     /// [`Error::Shape`] if the lengths of the arrays do not match.
     pub fn information(&self, light: &[f64], information: &mut [f64]) -> Result<()> {
         check_shape("light", self.len(), light.len())?;
-        check_shape("light", self.len(), information.len())?;
+        check_shape("information", self.len(), information.len())?;
         elements::write(information, ELEMENTS_PER_CHUNK, |index| {
             self.element_information(index, light[index])
         });

@@ -39,8 +39,8 @@ impl Readings<'_> {
         guess: &[f64],
         point: &mut [f64],
     ) -> Result<()> {
-        check_shape("light", self.len(), point.len())?;
-        check_shape("light", self.len(), guess.len())?;
+        check_shape("point", self.len(), point.len())?;
+        check_shape("guess", self.len(), guess.len())?;
         check_positive("penalty", penalty)?;
         check_numbers("point", point)?;
         let problem = ProximalProblem::new(penalty, max_light, PROXIMAL_TOLERANCE)?;
@@ -76,8 +76,8 @@ impl Readings<'_> {
         dual: &mut [f64],
     ) -> Result<Vec<f64>> {
         check_shape("light", self.len(), light.len())?;
-        check_shape("light", self.len(), x.len())?;
-        check_shape("light", self.len(), dual.len())?;
+        check_shape("x", self.len(), x.len())?;
+        check_shape("dual", self.len(), dual.len())?;
         let size = self.elements_of_image(steps.len())?;
         // Images without elements have no chunks.
         let parts = x.chunks_mut(size.max(1)).zip(dual.chunks_mut(size.max(1)));

@@ -115,9 +115,9 @@ impl<'a> Cells<'a> {
         gradient: &mut [f64],
         curvature: &mut [f64],
     ) -> Result<()> {
-        for length in [light.len(), gradient.len(), curvature.len()] {
-            check_shape("light", self.number, length)?;
-        }
+        check_shape("light", self.number, light.len())?;
+        check_shape("gradient", self.number, gradient.len())?;
+        check_shape("curvature", self.number, curvature.len())?;
         let scores = ScoreTable::new(self.response);
         let write = |(): &mut (), first, gradient: &mut [f64], curvature: &mut [f64]| {
             for (cell, out) in (first..).zip(gradient.iter_mut().zip(curvature)) {

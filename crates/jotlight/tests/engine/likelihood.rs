@@ -305,7 +305,26 @@ fn invalid_arguments_are_errors() -> Result<()> {
     let data = Data::new(3);
     let readings = data.readings(1)?;
     assert_eq!(name(readings.value(&[1.0]).map(|_| ())), "light");
-    let mut point = [1.0; 3];
+    let (all, few) = ([1.0; 3], [1.0; 2]);
+    let (mut point, mut out, mut short) = ([1.0; 3], [0.0; 3], [0.0; 2]);
+    let derivatives = readings.gradient_and_curvature(&all, &mut short, &mut out);
+    assert_eq!(name(derivatives), "gradient");
+    let derivatives = readings.gradient_and_curvature(&all, &mut out, &mut short);
+    assert_eq!(name(derivatives), "curvature");
+    assert_eq!(name(readings.information(&all, &mut short)), "information");
+    let refused = readings.proximal(1.0, 1.0, &few, &mut point);
+    assert_eq!(name(refused), "guess");
+    let refused = readings.proximal(1.0, 1.0, &all, &mut short);
+    assert_eq!(name(refused), "point");
+    let update = |x: &mut [f64], dual: &mut [f64]| {
+        let step = AdmmStep {
+            penalty: 1.0,
+            relaxation: 1.5,
+        };
+        readings.admm_update(&[step], 1.0, &all, x, dual)
+    };
+    assert_eq!(name(update(&mut short, &mut out).map(|_| ())), "x");
+    assert_eq!(name(update(&mut out, &mut short).map(|_| ())), "dual");
     for penalty in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let refused = readings.proximal(penalty, 1.0, &[1.0; 3], &mut point);
         assert_eq!(name(refused), "penalty");
