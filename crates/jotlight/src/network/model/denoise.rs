@@ -15,7 +15,8 @@ use ndarray::{Array2, ArrayView2, Zip};
 use rayon::prelude::*;
 
 use super::Network;
-use super::levels::{LocalTrials, check_map, level_weights};
+use super::levels::{check_map, level_weights};
+use super::local_trials::LocalTrials;
 use super::regions::{Band, cover};
 use crate::error::{Error, Result};
 

@@ -6,7 +6,7 @@ use ndarray::{Array2, ArrayView2, ArrayViewMut2};
 
 use super::Served;
 use super::evaluate::tied_weights;
-use super::levels::{LocalTrials, local_trials};
+use super::local_trials::{LocalTrials, local_trials};
 use super::pixels::{EquivalentCounts, Pixels};
 use super::reconstruction::Reconstruction;
 use crate::error::{Error, Result};

@@ -3,7 +3,7 @@
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
 use super::denoise::Denoiser;
-use super::levels::LocalTrials;
+use super::local_trials::LocalTrials;
 use super::rotations::mean_of_rotations;
 use super::{Network, Served};
 use crate::bits::PackedBits;

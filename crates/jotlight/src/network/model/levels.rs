@@ -1,9 +1,9 @@
-//! Numbers of trials that differ from pixel to pixel: their neighborhoods, and levels of K.
+//! Levels of K for trials that differ from pixel to pixel, and their weights.
 
-use ndarray::{ArcArray, Array2, ArrayView2, Axis, Ix2};
+use ndarray::{Array2, ArrayView2};
 
+use super::local_trials::extremes;
 use crate::error::{Error, Result};
-use crate::filter;
 
 #[cfg(test)]
 mod tests;
@@ -13,16 +13,6 @@ const MAX_RATIO: f64 = std::f64::consts::SQRT_2;
 
 /// A level alone serves the trials up to this fraction of the way to the next one, by logarithm.
 const PLATEAU: f64 = 0.5;
-
-/// The standard deviation of the neighborhood in which noise is averaged, in pixels.
-const NEIGHBORHOOD: f64 = 3.0;
-
-/// The ratio of the largest to the smallest local trials up to which one run serves all pixels.
-const NEAR_RATIO: f32 = 1.2;
-
-/// A real number of trials is rounded up if its fraction is at least this. A denoiser loses about
-/// twice as much with 10 % too many trials as with 10 % too few.
-const ROUNDED_UP: f64 = 2.0 / 3.0;
 
 /// The largest level may have this fraction of the largest number of trials, which costs nothing.
 const FEWER: f64 = 0.9;
@@ -41,90 +31,6 @@ const FEW_PIXELS: f64 = 0.002;
 
 /// See [`FEW_PIXELS`].
 const MAX_GAP: f64 = 4.0;
-
-/// The number of trials that states the noise around each pixel of an image: the local trials.
-#[derive(Clone, Debug)]
-pub enum LocalTrials {
-    /// The same whole number everywhere.
-    Same(u32),
-    /// A number above 0 for each pixel. Images may share the map.
-    Map(ArcArray<f32, Ix2>),
-}
-
-impl LocalTrials {
-    /// Return the trials, limited to a range.
-    pub(super) fn clamp(&self, (min, max): (u32, u32)) -> Self {
-        match self {
-            Self::Same(trials) => Self::Same((*trials).clamp(min, max)),
-            Self::Map(map) => {
-                let clamped = map.mapv(|n| n.clamp(min as f32, max as f32));
-                Self::Map(clamped.into_shared())
-            }
-        }
-    }
-
-    /// Return the largest number.
-    pub(super) fn max(&self) -> f64 {
-        match self {
-            Self::Same(trials) => f64::from(*trials),
-            Self::Map(map) => f64::from(map.iter().fold(0.0f32, |most, &n| most.max(n))),
-        }
-    }
-
-    /// Return the trials as an array that broadcasts with an image.
-    pub(super) fn to_array(&self) -> ArcArray<f32, Ix2> {
-        match self {
-            Self::Same(trials) => ArcArray::from_elem((1, 1), *trials as f32),
-            Self::Map(map) => map.clone(),
-        }
-    }
-}
-
-/// Return the number of trials that states the noise around each pixel.
-///
-/// The noise of a fraction of ones is inversely proportional to its trials. A denoiser weighs a pixel
-/// against its neighbors, so the mean noise around the pixel counts: the harmonic mean of the trials.
-/// Where it is nearly the same everywhere, the result is one whole number.
-///
-/// # Errors
-/// [`Error::Range`] for an image without pixels, and for trials that are not finite and above 0.
-pub fn local_trials(trials: ArrayView2<'_, f64>) -> Result<LocalTrials> {
-    let Some(&first) = trials.first() else {
-        return Err(Error::range("trials", "at least one pixel", 0));
-    };
-    let is_wrong = |trials: &&f64| !(**trials > 0.0 && trials.is_finite());
-    if let Some(wrong) = trials.iter().find(is_wrong) {
-        let expected = "finite numbers above 0; fill pixels without readings before";
-        return Err(Error::range("trials", expected, wrong));
-    }
-    if trials.iter().all(|other| other.total_cmp(&first).is_eq()) {
-        return Ok(LocalTrials::Same(whole_trials(first)));
-    }
-    let noise = trials.mapv(|trials| (1.0 / trials) as f32);
-    let noise = noise.insert_axis(Axis(0));
-    let mut blurred = noise.clone();
-    filter::blur(noise.view(), NEIGHBORHOOD, blurred.view_mut())?;
-    let noise = blurred.index_axis_move(Axis(0), 0);
-    let (low, high) = extremes(noise.view());
-    if high <= NEAR_RATIO * low {
-        let sum: f64 = noise.iter().copied().map(f64::from).sum();
-        return Ok(LocalTrials::Same(whole_trials(noise.len() as f64 / sum)));
-    }
-    Ok(LocalTrials::Map(
-        noise.mapv(|noise| 1.0 / noise).into_shared(),
-    ))
-}
-
-fn extremes(map: ArrayView2<'_, f32>) -> (f32, f32) {
-    let start = (f32::INFINITY, f32::NEG_INFINITY);
-    map.iter()
-        .fold(start, |(low, high), &x| (low.min(x), high.max(x)))
-}
-
-/// Return the whole number of trials that serves a real one best, at least 1.
-fn whole_trials(trials: f64) -> u32 {
-    (trials + 1.0 - ROUNDED_UP).floor().max(1.0) as u32
-}
 
 fn round(trials: f64) -> u32 {
     trials.round_ties_even().max(1.0) as u32

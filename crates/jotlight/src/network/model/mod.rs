@@ -13,6 +13,7 @@ mod file;
 mod intensities;
 mod kept_layers;
 mod levels;
+mod local_trials;
 mod pixels;
 mod receptive_field;
 mod reconstruction;
@@ -31,7 +32,8 @@ use crate::mle::{JotResponse, PixelResponse};
 
 pub use conditioning::conditioning_weights;
 pub use denoise::RATIO_OF_PASS;
-pub use levels::{LocalTrials, level_range, level_weights, local_trials};
+pub use levels::{level_range, level_weights};
+pub use local_trials::{LocalTrials, local_trials};
 pub use pixels::{EquivalentCounts, Pixels};
 pub use reconstruction::Reconstruction;
 

@@ -2,7 +2,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, CowArray, Ix2};
 
-use super::levels::LocalTrials;
+use super::local_trials::LocalTrials;
 use crate::error::{Error, Result};
 use crate::mle::JotResponses;
 use crate::values::Values;

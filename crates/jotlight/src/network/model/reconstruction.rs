@@ -2,7 +2,7 @@
 
 use ndarray::{Array2, ArrayView2, ArrayView3, ArrayViewMut2};
 
-use super::levels::LocalTrials;
+use super::local_trials::LocalTrials;
 use super::pixels::{EquivalentCounts, Pixels};
 use super::{Network, SensorModel, Served};
 use crate::bits::{PackedBits, add_block_counts};

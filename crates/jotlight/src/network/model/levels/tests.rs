@@ -1,4 +1,4 @@
-//! Levels of trials, their weights, and local trials.
+//! Levels of trials, and their weights.
 
 use ndarray::array;
 
@@ -86,41 +86,5 @@ fn a_lowest_level_for_few_pixels_is_left_out() -> Result<()> {
     }
     trials.row_mut(1).fill(150.0);
     assert_eq!(levels(&trials)?, [150, 181, 256]);
-    Ok(())
-}
-
-#[test]
-fn local_trials_are_harmonic_means() -> Result<()> {
-    let (height, width) = (30, 40);
-    let image = Array2::from_shape_fn((height, width), |(row, column)| {
-        let trials = 4.0 + f64::from((row * 7 + column * 13) as u32 % 23);
-        if column < 20 { trials } else { 8.0 * trials }
-    });
-    for (trials, whole) in [(0.3, 1), (16.0, 16), (16.6, 16), (16.7, 17)] {
-        let same = Array2::from_elem((3, 4), trials);
-        let found = local_trials(same.view())?;
-        assert!(matches!(found, LocalTrials::Same(number) if number == whole));
-    }
-    let LocalTrials::Map(found) = local_trials(image.view())? else {
-        return Err(Error::range("local trials", "a map", "one number"));
-    };
-    let gaussian = |x: i32| (-0.5 * f64::from(x * x) / 9.0).exp();
-    // Beyond the border, the pixels follow in reverse.
-    let mirrored = |place: i32, length: usize| {
-        let place = place.rem_euclid(2 * length as i32) as usize;
-        place.min(2 * length - 1 - place)
-    };
-    for (row, column) in [(0, 0), (15, 20), (29, 3)] {
-        let (mut total, mut sum) = (0.0, 0.0);
-        for (i, j) in ndarray::indices((19, 19)) {
-            let (i, j) = (i as i32 - 9, j as i32 - 9);
-            let weight = gaussian(i) * gaussian(j);
-            total += weight;
-            sum += weight / image[[mirrored(row + i, height), mirrored(column + j, width)]];
-        }
-        let expected = total / sum;
-        let found = f64::from(found[[row as usize, column as usize]]);
-        assert!((found - expected).abs() < 1e-5 * expected);
-    }
     Ok(())
 }
