@@ -5,11 +5,12 @@
 //!
 //! `schedule` divides the image into tiles. `dependencies` computes the regions that each layer of
 //! a tile needs. `workspace` evaluates the tiles, and `strip_workspace` one layer on a part of a
-//! tile. `region` and `strips` hold the data structures.
+//! tile. `interleave` combines rows of pixels. `region` and `strips` hold the data structures.
 
 pub(crate) mod dependencies;
+pub(crate) mod interleave;
 pub(crate) mod region;
 pub(crate) mod schedule;
-pub(crate) mod strip_workspace;
+mod strip_workspace;
 pub(crate) mod strips;
 mod workspace;

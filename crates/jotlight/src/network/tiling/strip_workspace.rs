@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::interleave::interleave;
 use super::region::Region;
 use super::strips::{PlanesMut, StripedPlanes};
 use crate::border::mirror_index;
@@ -191,19 +192,8 @@ fn depth_to_space<F: Real>(
 }
 
 levels! {
-    /// Write the values of two rows alternately into `out`.
-    fn interleave[F: Real](even: &[F], odd: &[F], out: &mut [F]) = interleave_inlined;
     /// Add `values` to `out`.
     fn add[F: Real](values: &[F], out: &mut [F]) = add_inlined;
-}
-
-/// Write the values of two rows alternately into `out`.
-#[inline(always)]
-pub(crate) fn interleave_inlined<F: Real>(even: &[F], odd: &[F], out: &mut [F]) {
-    let (pairs, _) = out.as_chunks_mut::<2>();
-    for ((pair, &even), &odd) in pairs.iter_mut().zip(even).zip(odd) {
-        *pair = [even, odd];
-    }
 }
 
 #[inline(always)]

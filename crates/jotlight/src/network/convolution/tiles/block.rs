@@ -8,8 +8,8 @@ use crate::border::mirror_index;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
 use crate::network::convolution::winograd::Finish;
+use crate::network::tiling::interleave::interleave_inlined;
 use crate::network::tiling::region::Region;
-use crate::network::tiling::strip_workspace::interleave_inlined;
 use crate::network::tiling::strips::{LINE, PlaneRow, PlanesMut, StripedPlanes, line_start};
 use crate::numbers::Real;
 

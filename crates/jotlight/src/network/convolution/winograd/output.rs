@@ -9,8 +9,8 @@ use crate::cpu::Simd;
 use crate::lanes::MAX_LANES;
 use crate::network::precision::round_all_inlined;
 use crate::network::spline::evaluate::Spline;
+use crate::network::tiling::interleave::interleave_inlined;
 use crate::network::tiling::region::Region;
-use crate::network::tiling::strip_workspace::interleave_inlined;
 use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
 use crate::numbers::Real;
 
