@@ -75,13 +75,11 @@ fn check_rows<F: Real>(
     rows: Range<usize>,
 ) -> Result<()> {
     let rows = values.slice(s![rows, ..]);
-    match rows.to_slice() {
-        Some(values) => check_not_negative(what, values),
-        None => {
-            let mut rows = rows.rows().into_iter();
-            rows.try_for_each(|row| check_not_negative(what, &contiguous(row)))
-        }
+    if let Some(values) = rows.to_slice() {
+        return check_not_negative(what, values);
     }
+    let mut rows = rows.rows().into_iter();
+    rows.try_for_each(|row| check_not_negative(what, &contiguous(row)))
 }
 
 /// A property of the jots: one number for all jots, or a map with one number per jot.
