@@ -22,7 +22,8 @@ def content(capture):
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_copy_of_any_capture_has_the_same_content(name, tmp_path):
     path, _, _ = READERS[name].example(tmp_path)
-    capture = open_capture(path, format=name)
+    options = getattr(READERS[name].read, "keywords", {})
+    capture = open_capture(path, **{"format": name, **options})
     for same in (copy.deepcopy(capture), pickle.loads(pickle.dumps(capture))):
         np.testing.assert_array_equal(content(same), content(capture))
         assert same.provenance == capture.provenance

@@ -42,9 +42,8 @@ COLORS_NAME = "color network"
 HELD_OUT_FRACTION = 0.2
 """Fraction of the bits that are held out.
 
-On six photographs with K from 256 to 100,000, images are up to 0.02 dB worse with a fraction of 0.1
-or 0.35, and up to 0.3 dB worse with 0.05 (ad hoc; decision 20 is about the blend).
-"""
+On six photographs with K from 256 to 100,000, images are up to 0.02 dB worse with 0.1 or 0.35, and
+up to 0.3 dB worse with 0.05 (ad hoc; decision 20 is about the blend)."""
 
 _SEED = 2026
 """Seed of the draw of the held-out bits, so that the result is reproducible."""

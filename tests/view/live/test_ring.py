@@ -74,7 +74,7 @@ def test_the_firing_rate_is_that_of_the_frames(monkeypatch):
 
 def test_bits_beyond_the_width_do_not_count_for_the_firing_rate(monkeypatch):
     monkeypatch.setattr("jotlight.view.live.ring._SAMPLE_SECONDS", 0)
-    ring = FrameRing(FrameLayout((2, 1), 3, lambda raw: raw.reshape(-1, 2, 1)), 2000)
+    ring = FrameRing(FrameLayout((2, 1), 3, 2, lambda raw: raw.reshape(-1, 2, 1)), 2000)
     for _ in range(600):
         ring.append(np.full((1, 2, 1), 0b00111111, np.uint8))
     np.testing.assert_allclose(ring.rates(), 1 / 3)
