@@ -6,6 +6,7 @@ import { OVERLAYS } from "./store.js";
 
 const get = (id) => document.getElementById(id);
 const MAX_STOPS = 8; // as the slider
+const LENGTHS = 200; // maximum number of lengths on the slider of the window, whose ratios are alike
 
 export class Controls {
   constructor(store) {
@@ -50,7 +51,7 @@ export class Controls {
       get(id).addEventListener("change", () => change(false));
     };
     onSlider("start", (moving) => store.set({ start: Number(get("start").value), follow: false }, moving));
-    onSlider("window", (moving) => this.setWindow(this.fromSlider(Number(get("window").value)), moving));
+    onSlider("window", (moving) => this.setWindow(this.lengths[get("window").value], moving));
     get("window-number").addEventListener("change", () => this.typeWindow(Number(get("window-number").value)));
     onSlider("exposure", (moving) => this.setExposure(Number(get("exposure").value), moving));
     get("method").addEventListener("change", () => this.setMethod(get("method").value));
@@ -76,18 +77,19 @@ export class Controls {
     this.store.set({ overlays: isShown ? overlays.filter((each) => each !== kind) : [...overlays, kind] });
   }
 
-  /** Set the window that was typed, and say so if it is no whole number of cycles. */
+  /** Set the window that was typed, and say so if it does not exist, or is no whole number of cycles. */
   typeWindow(length) {
-    this.setWindow(length);
-    const { cycle } = this.capture;
+    const { capture, largest } = this;
+    const { cycle } = capture;
+    if (!(length >= 1 && length <= largest)) toast(`The window has from ${cycle} to ${largest} frames.`);
+    this.setWindow(length || this.store.state.window);
     if (cycle > 1 && length % cycle) toast(`The exposures repeat every ${cycle} frames, so a window has a multiple of ${cycle}.`);
   }
 
   /** Keep the middle of the window where it is. */
   setWindow(length, moving = false) {
-    const [first, end] = this.frames;
     const { start, window } = this.store.state;
-    const next = this.wholeCycles(Math.min(end - first, length || 1));
+    const next = Math.min(this.largest, this.wholeCycles(length));
     const middle = start + window / 2;
     this.store.set({ window: next, start: this.limit(middle - next / 2, next) }, moving);
   }
@@ -112,15 +114,19 @@ export class Controls {
     return Number.isFinite(frames) ? Math.max(1, Math.round(frames / cycle)) * cycle : frames;
   }
 
-  // The slider of the window length is logarithmic.
-  fromSlider(value) {
-    const largest = Math.max(1, this.frames[1] - this.frames[0]);
-    return Math.round(largest ** (value / 1000));
+  /** The largest window: all frames, in whole cycles. */
+  get largest() {
+    const { cycle } = this.capture;
+    return Math.max(1, Math.floor((this.frames[1] - this.frames[0]) / cycle)) * cycle;
   }
 
-  toSlider(length) {
-    const largest = Math.max(2, this.frames[1] - this.frames[0]);
-    return Math.round((1000 * Math.log(Math.max(1, length))) / Math.log(largest));
+  /** List the lengths that the slider of the window has. Each step changes the window. */
+  listLengths() {
+    const { largest } = this;
+    if (this.lengths?.at(-1) === largest) return;
+    const lengths = Array.from({ length: LENGTHS }, (_, step) => this.wholeCycles(largest ** (step / (LENGTHS - 1))));
+    this.lengths = [...new Set(lengths)];
+    get("window").max = this.lengths.length - 1;
   }
 
   setExposure(stops, moving = false) {
@@ -170,9 +176,10 @@ export class Controls {
     write("range", `${last === state.start ? `Frame ${last}` : `Frames ${state.start} – ${last}`}${gone}${cycles}`);
     write("first-frame", first);
     write("last-frame", end - 1);
-    get("window").value = this.toSlider(state.window);
+    this.listLengths();
+    get("window").value = nearest(this.lengths, state.window);
     get("window").setAttribute("aria-valuetext", `${state.window} frames`);
-    get("window-number").max = end - first;
+    get("window-number").max = this.largest;
     get("window-number").min = get("window-number").step = cycle;
     if (document.activeElement !== get("window-number")) get("window-number").value = state.window;
     get("method").value = isNetwork ? "network" : state.method;
@@ -214,6 +221,10 @@ export function write(id, text) {
 }
 
 export const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** Return the index of the value that is nearest to a target. */
+const nearest = (values, target) =>
+  values.reduce((best, value, index) => (Math.abs(value - target) < Math.abs(values[best] - target) ? index : best), 0);
 
 const count = (number, name) => `${number} ${name}${number === 1 ? "" : "s"}`;
 

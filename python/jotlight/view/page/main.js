@@ -4,6 +4,7 @@ import { Connection } from "./connection.js";
 import { Controls, capitalize, element, write } from "./controls.js";
 import { addGestures } from "./gestures.js";
 import { Keys } from "./keys.js";
+import { Player } from "./play.js";
 import { Timeline, drawHistogram, forgetColors, format } from "./plots.js";
 import { showReadout, showLegend, showOverlayNotes } from "./readout.js";
 import { addSharing, request, toast } from "./share.js";
@@ -16,6 +17,7 @@ const HISTOGRAM_DELAY = 100;
 const BUSY_DELAY = 500;
 const store = new Store();
 const controls = new Controls(store);
+const player = new Player(store, controls);
 const timeline = new Timeline(get("timeline"));
 let capture = null;
 let live = null; // the last facts of a live capture
@@ -235,6 +237,7 @@ const connection = new Connection(
   (header, bytes) => handlers[header.type]?.(header, bytes),
   (isOpen, reason) => {
     stopWaiting();
+    if (!isOpen) player.stop();
     write("stage-note", isOpen ? "" : reason);
     say(isOpen ? "Connected" : reason);
     if (isOpen) [number, shown] = [0, 0];
@@ -242,32 +245,9 @@ const connection = new Connection(
 );
 const copyRecipe = addSharing(store, connection, () => capture);
 
-// Play, zoom, theme, help.
+// Zoom, theme, help.
 
-let clock = null;
-function play() {
-  if (capture?.live) {
-    store.set({ follow: !store.state.follow });
-    return;
-  }
-  const [first, end] = controls.frames;
-  if (store.state.window >= end - first) {
-    toast("The window holds all frames. Shorten it to play.");
-    return;
-  }
-  controls.isPlaying = !controls.isPlaying;
-  clearInterval(clock);
-  if (controls.isPlaying) {
-    clock = setInterval(() => {
-      const { start, window } = store.state;
-      const step = controls.wholeCycles(window / 4);
-      if (start + window >= controls.frames[1]) store.set({ start: controls.frames[0] }, true);
-      else controls.moveBy(step, true);
-    }, 1000 / 30);
-  } else ask(false);
-  controls.update();
-}
-get("play").addEventListener("click", play);
+get("play").addEventListener("click", () => player.toggle());
 get("zoom-in").addEventListener("click", () => stage.zoom(2));
 get("zoom-out").addEventListener("click", () => stage.zoom(0.5));
 get("zoom-actual").addEventListener("click", () => stage.actualSize());
