@@ -1,11 +1,12 @@
 // The image: its pixels, overlays, zoom, and the pointer.
 
-import { themeColor } from "./plots.js";
+import { drawOverlay, makeOverlay } from "./overlays.js";
 
 const MAX_ZOOM = 64;
+const MIN_SIDE = 6; // smallest height and width of a reduced image in CSS pixels
+const MARGIN = 12; // around an image that fits, in CSS pixels
 
-/** Return the red, green, and blue of a color of the theme. */
-const readColor = (name) => themeColor(name).match(/\d+/g).slice(0, 3).map(Number);
+const limitScale = (scale) => Math.min(MAX_ZOOM, Math.max(1 / MAX_ZOOM, scale));
 
 export class Stage {
   constructor(canvas, onPointer, onZoom, onPainted) {
@@ -64,19 +65,7 @@ export class Stage {
   }
 
   setOverlay(kind, header, bytes) {
-    const canvas = document.createElement("canvas");
-    canvas.width = header.width;
-    canvas.height = header.height;
-    const data = new ImageData(header.width, header.height);
-    const [dead, hot, saturated, uncertain] = ["--dead", "--hot", "--saturated", "--uncertain"].map(readColor);
-    for (let i = 0; i < bytes.length; i++) {
-      if (bytes[i] === 0) continue;
-      const color = kind === "saturated" ? saturated : kind === "uncertainty" ? uncertain : bytes[i] === 1 ? dead : hot;
-      data.data.set(color, 4 * i);
-      data.data[4 * i + 3] = kind === "uncertainty" ? Math.round((bytes[i] / 255) ** 2 * 220) : 255;
-    }
-    canvas.getContext("2d").putImageData(data, 0, 0);
-    this.overlays.set(kind, { canvas, header, bytes });
+    this.overlays.set(kind, makeOverlay(kind, header, bytes));
     this.draw();
   }
 
@@ -110,20 +99,28 @@ export class Stage {
     // Enlarged pixels stay sharp. A reduced image is averaged.
     context.imageSmoothingEnabled = this.scale < 1;
     context.imageSmoothingQuality = "high";
-    const width = pixels.width * this.scale;
-    const height = pixels.height * this.scale;
-    context.drawImage(pixels, this.x, this.y, width, height);
-    for (const { canvas: overlay } of this.overlays.values()) {
-      context.drawImage(overlay, this.x, this.y, width, height);
-    }
+    const box = [this.x, this.y, ...this.extent];
+    context.drawImage(pixels, ...box);
+    for (const overlay of this.overlays.values()) drawOverlay(context, overlay, box, this.scale < 1);
     if (this.pointer && document.activeElement === canvas && this.isKeyboard) this.drawPointer();
+  }
+
+  /** The width and the height of the image in device pixels. A thin one stays visible. */
+  get extent() {
+    const least = this.scale < 1 ? MIN_SIDE * (devicePixelRatio || 1) : 0;
+    return [this.pixels.width, this.pixels.height].map((length) => Math.max(length * this.scale, least));
+  }
+
+  /** Return the place of a row and a column in device pixels. */
+  placeOf([row, column]) {
+    const [width, height] = this.extent;
+    return [this.x + ((column + 0.5) * width) / this.pixels.width, this.y + ((row + 0.5) * height) / this.pixels.height];
   }
 
   drawPointer() {
     const { context, scale } = this;
-    const [row, column] = this.pointer;
     const side = Math.max(scale, 9);
-    const middle = [this.x + (column + 0.5) * scale, this.y + (row + 0.5) * scale];
+    const middle = this.placeOf(this.pointer);
     context.lineWidth = 3;
     context.strokeStyle = "#000a";
     context.strokeRect(middle[0] - side / 2, middle[1] - side / 2, side, side);
@@ -132,30 +129,40 @@ export class Stage {
     context.strokeRect(middle[0] - side / 2, middle[1] - side / 2, side, side);
   }
 
+  /** Show the whole image, as large as the stage and the largest zoom allow. */
   fit() {
     if (!this.header) return;
-    const margin = 12 * (devicePixelRatio || 1);
+    const margin = MARGIN * (devicePixelRatio || 1);
     const { width, height } = this.pixels;
     const largest = Math.min((this.canvas.width - margin) / width, (this.canvas.height - margin) / height);
     // Whole factors show all pixels alike, unless much of the stage stays empty.
     const whole = Math.floor(largest);
-    this.scale = whole >= 3 ? whole : Math.max(largest, 1 / MAX_ZOOM);
+    this.scale = limitScale(whole >= 3 ? whole : largest);
     this.center();
     this.isFitted = true;
     this.changed();
   }
 
   center() {
-    this.x = Math.round((this.canvas.width - this.pixels.width * this.scale) / 2);
-    this.y = Math.round((this.canvas.height - this.pixels.height * this.scale) / 2);
+    const [width, height] = this.extent;
+    this.x = Math.round((this.canvas.width - width) / 2);
+    this.y = Math.round((this.canvas.height - height) / 2);
   }
 
-  /** Zoom by a factor around a point in device pixels. Default: the middle. */
-  zoom(factor, point = [this.canvas.width / 2, this.canvas.height / 2]) {
-    const before = this.scale;
-    this.scale = Math.min(MAX_ZOOM, Math.max(1 / MAX_ZOOM, before * factor));
-    this.x = point[0] - ((point[0] - this.x) * this.scale) / before;
-    this.y = point[1] - ((point[1] - this.y) * this.scale) / before;
+  /** The point around which keys zoom in device pixels: the pointer, if it is visible, or the middle. */
+  get anchor() {
+    const place = this.pointer && this.placeOf(this.pointer);
+    const { width, height } = this.canvas;
+    const isVisible = place && place[0] >= 0 && place[1] >= 0 && place[0] < width && place[1] < height;
+    return isVisible ? place : [width / 2, height / 2];
+  }
+
+  /** Zoom by a factor around a point in device pixels. */
+  zoom(factor, point = this.anchor) {
+    const [width, height] = this.extent;
+    this.scale = limitScale(this.scale * factor);
+    this.x = point[0] - ((point[0] - this.x) * this.extent[0]) / width;
+    this.y = point[1] - ((point[1] - this.y) * this.extent[1]) / height;
     this.isFitted = false;
     this.changed();
   }
@@ -183,8 +190,9 @@ export class Stage {
   locate(x, y) {
     if (!this.header) return null;
     const ratio = devicePixelRatio || 1;
-    const column = Math.floor((x * ratio - this.x) / this.scale);
-    const row = Math.floor((y * ratio - this.y) / this.scale);
+    const [width, height] = this.extent;
+    const column = Math.floor(((x * ratio - this.x) * this.header.width) / width);
+    const row = Math.floor(((y * ratio - this.y) * this.header.height) / height);
     const isInside = row >= 0 && column >= 0 && row < this.header.height && column < this.header.width;
     return isInside ? [row, column] : null;
   }
@@ -203,5 +211,15 @@ export class Stage {
     const [row, column] = this.pointer ?? [Math.floor(height / 2), Math.floor(width / 2)];
     const limit = (value, size) => Math.min(size - 1, Math.max(0, value));
     this.point([limit(row + rows, height), limit(column + columns, width)], true);
+    this.reveal(this.placeOf(this.pointer));
+  }
+
+  /** Move the image so that a place of it is visible, unless it is already. */
+  reveal(place) {
+    const margin = (MARGIN / 3) * (devicePixelRatio || 1);
+    const [x, y] = [this.canvas.width, this.canvas.height].map(
+      (size, axis) => Math.max(margin - place[axis], 0) + Math.min(size - margin - place[axis], 0),
+    );
+    if (x || y) this.pan(Math.round(x), Math.round(y));
   }
 }
