@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from jotlight.notebook import card, shrink
+from jotlight.notebook import card, enlarge, shrink
 
 
 def test_texts_cannot_act_as_html_and_are_cut():
@@ -27,7 +27,28 @@ def test_an_image_is_a_small_png(shape):
     assert data is not None
     decoded = np.asarray(Image.open(io.BytesIO(base64.b64decode(data[1])))) / 255
     assert max(decoded.shape[:2]) <= 192
-    np.testing.assert_allclose(decoded, shrink(image), atol=0.002)
+    np.testing.assert_allclose(decoded, enlarge(shrink(image)), atol=0.002)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"),
+    [
+        ((3, 3), (192, 192)),
+        ((1, 1), (192, 192)),
+        ((2048, 1), (187, 8)),
+        ((50, 60, 3), (150, 180, 3)),
+        ((97, 97), (97, 97)),
+    ],
+)
+def test_small_and_thin_images_are_shown_in_a_size_that_people_see(shape, size):
+    image = np.random.default_rng(2).random(shape)
+    shown = enlarge(shrink(image))
+    assert shown.shape == size
+    assert set(np.unique(shown)) == set(np.unique(shrink(image)))
+
+
+def test_an_image_has_a_caption_for_those_who_do_not_see_it():
+    assert '<img alt="&lt;i&gt;: image" ' in card("<i>", {}, np.zeros((2, 2)))
 
 
 @pytest.mark.parametrize("shape", [(7, 10), (6, 9), (1, 100), (9, 10, 3)])

@@ -12,6 +12,9 @@ import numpy.typing as npt
 _SIDE = 192
 """Maximum height and width of a thumbnail in pixels."""
 
+_MIN_SIDE = 8
+"""Minimum height and width of a thumbnail in pixels."""
+
 _WHITE = 99.5
 """Percentile of the pixels that is shown as white."""
 
@@ -48,7 +51,7 @@ def card(
     drawing = ""
     if image is not None:
         address = _data_address(image if isinstance(image, bytes) else _png_of(image))
-        drawing = f'<div><img alt="" src="{address}"></div>'
+        drawing = f'<div><img alt="{_escape(title)}: image" src="{address}"></div>'
     return f"<div><div><b>{_escape(title)}</b></div>{drawing}{table}</div>"
 
 
@@ -125,6 +128,21 @@ def shrink(image: npt.NDArray[np.floating], side: int = _SIDE) -> npt.NDArray[np
     return np.asarray(totals / (sizes if image.ndim == 2 else sizes[:, :, None]))
 
 
+def enlarge(image: npt.NDArray[np.floating], side: int = _SIDE) -> npt.NDArray[np.floating]:
+    """Return an image whose pixels are repeated by a whole factor, up to `side` pixels a side.
+
+    Thin images become as thick as the smallest thumbnail.
+
+    Examples
+    --------
+    >>> enlarge(np.zeros((1, 50)), 100).shape
+    (8, 100)
+    """
+    factor = max(1, side // max(image.shape[:2]))
+    rows, columns = (max(factor, -(-_MIN_SIDE // length)) for length in image.shape[:2])
+    return np.repeat(np.repeat(image, rows, axis=0), columns, axis=1)
+
+
 def _escape(value: object) -> str:
     text = str(value)
     return html.escape(text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…")
@@ -139,7 +157,7 @@ def _png_of(image: npt.NDArray[np.floating]) -> bytes:
     """Return a thumbnail of an image as a PNG."""
     from PIL import Image
 
-    shades = np.rint(255 * np.clip(shrink(image), 0, 1)).astype(np.uint8)
+    shades = np.rint(255 * np.clip(enlarge(shrink(image)), 0, 1)).astype(np.uint8)
     buffer = io.BytesIO()
     Image.fromarray(shades).save(buffer, "png")
     return buffer.getvalue()
