@@ -44,6 +44,8 @@ _HEADERS = {
 
 _UNKNOWN = "the token is missing or wrong; use the address that jotlight view printed"
 
+_TOO_MANY = f"This viewer already has {MAX_PAGES} pages, which is the limit. Close one of them."
+
 _REFUSED = 1008
 """WebSocket code for a client that breaks the rules."""
 
@@ -89,7 +91,9 @@ def make_app(
 
     async def stream(socket: WebSocket) -> None:
         if len(connected) >= MAX_PAGES:
-            await socket.close(_REFUSED, "too many pages are open")
+            # Browsers show the reason of a connection that was accepted, but of no other one.
+            await socket.accept()
+            await socket.close(_REFUSED, _TOO_MANY)
             return
         connected.add(socket)
         try:
