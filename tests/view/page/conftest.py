@@ -31,12 +31,12 @@ def opened(browser, server):
     """Open the page. At the end, no error was logged, and only its server was asked."""
     contexts, errors, requests = [], [], []
 
-    def opened(state="", at=server, **options):
+    def opened(state="", at=server, script="", **options):
         context = browser.new_context(**({"viewport": WIDE} | options))
         context.grant_permissions(["clipboard-read", "clipboard-write"])
         contexts.append(context)
         tab = context.new_page()
-        tab.add_init_script(RECORD)
+        tab.add_init_script(RECORD + script)
         tab.on("console", lambda message: errors.append(message.text))
         tab.on("pageerror", lambda error: errors.append(str(error)))
         tab.on("request", lambda request: requests.append((request.url, at.port)))

@@ -89,7 +89,10 @@ def test_sums_of_readings_are_called_so(opened, several):
 def test_an_alignment_that_is_not_known_is_not_offered(opened, several):
     tab = opened("method=mle&white=1&align=1", at=several)
     assert tab.locator("#align").is_disabled()
-    assert "one jot" in tab.locator("#align-note").get_attribute("title")
+    assert tab.locator("#align").get_attribute("aria-describedby") == "align-reason"
+    assert "one jot" in tab.locator("#align-reason").inner_text()
+    tab.keyboard.press("a")
+    tab.locator("#toast", has_text="Align moving scene is unavailable: ").wait_for()
     assert "align=1 (expected 0, because" in tab.locator("#address-note").inner_text()
 
 

@@ -28,7 +28,7 @@ SHORTCUTS = [
     ("[", "window", 8),
     ("]", "window", 32),
     ("c", "curve", "log"),
-    ("d", "compare", "mle"),
+    ("d", "compare", "noniterative-gaussian"),
     ("j", "overlays", "jots"),
     ("s", "overlays", "saturated"),
     ("u", "overlays", "uncertainty"),
@@ -129,7 +129,7 @@ def test_names_of_keys_are_those_that_screen_readers_know(opened):
         "[...document.querySelectorAll('[aria-keyshortcuts]')]"
         ".map((e) => e.getAttribute('aria-keyshortcuts'))"
     )
-    known = {"Space", "ArrowLeft", "ArrowRight", "Plus"}
+    known = {"Space", "ArrowLeft", "ArrowRight", "Plus", "Escape"}
     assert all(len(key) == 1 or key in known for name in names for key in name.split())
     assert not {"+", "←"} & {key for name in names for key in name.split()}
 

@@ -1,7 +1,7 @@
 // The controls: from their values to the state, and back.
 
+import { toast, warn } from "./messages.js";
 import { format } from "./plots.js";
-import { toast } from "./share.js";
 import { OVERLAYS } from "./store.js";
 
 const get = (id) => document.getElementById(id);
@@ -15,6 +15,7 @@ export class Controls {
     this.automatic = null; // the white that the server chose
     this.network = null; // the network that was used last
     this.isPlaying = false;
+    this.shown = null; // the first frame and the number of frames of the image that is shown
     this.connect();
   }
 
@@ -22,14 +23,16 @@ export class Controls {
   begin(capture) {
     this.capture = capture;
     this.frames = [capture.first, capture.end];
-    get("title").textContent = capture.title;
+    get("title").textContent = get("title").title = capture.title;
     document.title = `${capture.title} – jotlight`;
     get("software").textContent = capture.software;
     const methods = capture.methods.filter((method) => !method.quality);
     const sizes = capture.methods.filter((method) => method.quality);
     const usable = sizes.find((method) => !method.reason);
     const network = { name: "network", title: "network", reason: usable ? null : sizes[0]?.reason };
-    fill(get("method"), [...methods.slice(0, 2), network, ...methods.slice(2)]);
+    const entries = [...methods.slice(0, 2), network, ...methods.slice(2)];
+    fill(get("method"), entries);
+    get("method-reasons").replaceChildren(...reasons(usable ? [...entries, ...sizes] : entries));
     fill(get("quality"), sizes.map((method) => ({ ...method, title: method.quality })));
     fill(get("compare"), [{ name: "", title: "none" }, ...capture.methods.slice(1)]);
     fill(get("curve"), capture.curves.map((name) => ({ name, title: name })));
@@ -38,8 +41,6 @@ export class Controls {
     write("sensor-assumed", capture.sensor_note ? "assumed" : "");
     get("provenance").replaceChildren(...capture.provenance.map((line) => element("li", line)));
     if (!capture.provenance.length) get("provenance").append(element("li", "no file"));
-    write("align-note", capture.align_reason ? "unavailable" : "");
-    get("align-note").title = capture.align_reason ?? "";
     write("timeline-caption", capitalize(capture.mean_reading));
     this.update();
   }
@@ -81,7 +82,7 @@ export class Controls {
   typeWindow(length) {
     const { capture, largest } = this;
     const { cycle } = capture;
-    if (!(length >= 1 && length <= largest)) toast(`The window has from ${cycle} to ${largest} frames.`);
+    if (!(length >= 1 && length <= largest)) warn(`The window has from ${cycle} to ${largest} frames.`);
     this.setWindow(length || this.store.state.window);
     if (cycle > 1 && length % cycle) toast(`The exposures repeat every ${cycle} frames, so a window has a multiple of ${cycle}.`);
   }
@@ -169,11 +170,11 @@ export class Controls {
     start.max = Math.max(first, end - state.window);
     start.step = cycle;
     start.value = state.start;
-    const last = Math.min(end, state.start + state.window) - 1;
-    const gone = state.start < first ? ", no longer in memory" : "";
-    start.setAttribute("aria-valuetext", `frames ${state.start} to ${last} of ${end}${gone}`);
-    const cycles = cycle === 1 ? "" : ` · ${count(state.window / cycle, "cycle")} of ${cycle} exposures`;
-    write("range", `${last === state.start ? `Frame ${last}` : `Frames ${state.start} – ${last}`}${gone}${cycles}`);
+    const isRunning = this.capture.live ? state.follow : this.isPlaying;
+    // While the frames follow each other without end, they are not said.
+    const place = `${framesText(state)} of ${end}`;
+    start.setAttribute("aria-valuetext", isRunning ? "the frames follow each other" : place);
+    this.writeRange();
     write("first-frame", first);
     write("last-frame", end - 1);
     this.listLengths();
@@ -184,23 +185,49 @@ export class Controls {
     if (document.activeElement !== get("window-number")) get("window-number").value = state.window;
     get("method").value = isNetwork ? "network" : state.method;
     get("quality").value = isNetwork ? state.method : "";
-    get("quality").disabled = !isNetwork;
+    this.setReason("quality", isNetwork ? "" : "only a network has qualities");
     get("compare").value = state.compare ?? "";
-    get("compare").disabled = state.method === "counts";
-    get("align").disabled = state.method === "counts" || Boolean(this.capture.align_reason);
+    const ofCounts = state.method === "counts" ? "choose a method other than the counts" : "";
+    this.setReason("compare", ofCounts);
+    for (const option of get("compare").options) {
+      const { reason } = this.capture.methods.find(({ name }) => name === option.value) ?? {};
+      option.disabled = Boolean(reason) || (option.value === state.method && option.value !== state.compare);
+    }
+    this.setReason("align", this.capture.align_reason || ofCounts);
     get("align").checked = state.align;
     get("curve").value = state.curve;
     get("exposure").value = this.exposure;
     const sign = this.exposure >= 0 ? "+" : "−";
     const white = state.white === null ? "" : `, white ${format(state.white)}`;
-    write("exposure-value", `${sign}${Math.abs(this.exposure).toFixed(1)} stops${white}`);
+    write("exposure-value", `${sign}${Math.abs(this.exposure).toFixed(2)} stops${white}`);
+    get("exposure").setAttribute("aria-valuetext", get("exposure-value").textContent);
     get("auto").setAttribute("aria-pressed", String(state.white === null || state.white === this.automatic));
     for (const kind of OVERLAYS) get(`overlay-${kind}`).checked = state.overlays.includes(kind);
-    const isRunning = this.capture.live ? state.follow : this.isPlaying;
     const action = this.capture.live ? (isRunning ? "Pause" : "Follow") : isRunning ? "Pause" : "Play";
     write("play", isRunning ? "❚❚" : "▶");
     get("play").setAttribute("aria-label", action);
     get("play").title = action;
+  }
+
+  /** Name the frames of the image that is shown, which may be older than the controls. */
+  writeRange() {
+    const shown = this.shown ?? this.store.state;
+    const { cycle } = this.capture;
+    const gone = shown.start < this.frames[0] ? ", no longer in memory" : "";
+    const cycles = cycle === 1 ? "" : ` · ${count(shown.window / cycle, "cycle")} of ${cycle} exposures`;
+    write("range", `${capitalize(framesText(shown).replace(" to ", " – "))}${gone}${cycles}`);
+  }
+
+  setShown({ start, window }) {
+    this.shown = { start, window };
+    this.writeRange();
+  }
+
+  /** Disable a control for a reason, which the page states, or enable it. */
+  setReason(id, reason) {
+    get(id).disabled = Boolean(reason);
+    get(id).dataset.reason = reason;
+    write(`${id}-reason`, capitalize(reason));
   }
 
   /** Select the next usable option of a list. */
@@ -232,6 +259,20 @@ export function element(name, text) {
   const node = document.createElement(name);
   node.textContent = text;
   return node;
+}
+
+/** Return the name of the frames of a window. */
+export function framesText({ start, window }) {
+  return window === 1 ? `frame ${start}` : `frames ${start} to ${start + window - 1}`;
+}
+
+/** Return one line for each reason why some methods are not available. */
+function reasons(entries) {
+  const titles = new Map();
+  for (const { title, reason } of entries) {
+    if (reason) titles.set(reason, [...(titles.get(reason) ?? []), title]);
+  }
+  return [...titles].map(([reason, names]) => element("li", `${capitalize(names.join(", "))}: ${reason}`));
 }
 
 function fill(list, entries) {

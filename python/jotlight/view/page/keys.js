@@ -1,12 +1,19 @@
 // Keyboard shortcuts. The list is also the help page, and it labels the controls.
 
+import { keep, recall } from "./kept.js";
+import { dismiss, warn } from "./messages.js";
+import { nameOf, saySoon, stateOf } from "./speech.js";
+
 const get = (id) => document.getElementById(id);
+const part = (key) => document.querySelector(`summary[data-key="${key}"]`);
 
 export class Keys {
   constructor({ store, controls, stage, actions }) {
     const click = (id) => () => get(id).click();
     const move = (sign, isLong) => (event) =>
       controls.moveBy(sign * (isLong ? store.state.window : 1), event.repeat);
+    const zoom = () => get("zoom-actual");
+    // Names, meaning, keys, what they do, and the control whose state is said then.
     this.entries = [
       ["Space", "play, or pause and follow a live capture", [" "], click("play")],
       ["← →", "one frame, or one cycle of exposures, back or forward", ["ArrowLeft", "ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, false)(event)],
@@ -15,38 +22,51 @@ export class Keys {
       ["[ ]", "half or twice the window", ["[", "]"], (event) => controls.setWindow(store.state.window * (event.key === "[" ? 0.5 : 2))],
       ["w", "type the length of the window", ["w"], () => get("window-number").select()],
       ["m M", "next or previous method", ["m", "M"], (event) => controls.next("method", event.key === "m" ? 1 : -1)],
-      ["q", "next quality of the network", ["q"], () => controls.next("quality")],
-      ["a", "align a moving scene", ["a"], click("align")],
-      ["d D", "difference to the next or previous method", ["d", "D"], (event) => controls.next("compare", event.key === "d" ? 1 : -1)],
-      ["e E", "more or less exposure", ["e", "E"], (event) => controls.setExposure(controls.exposure + (event.key === "e" ? 0.25 : -0.25), event.repeat)],
-      ["0", "automatic exposure", ["0"], click("auto")],
-      ["c", "next tone curve", ["c"], () => controls.next("curve")],
-      ["j", "dead and hot jots", ["j"], click("overlay-jots")],
-      ["s", "saturated pixels", ["s"], click("overlay-saturated")],
-      ["u", "uncertainty", ["u"], click("overlay-uncertainty")],
-      ["+ −", "zoom in or out", ["+", "=", "-"], (event) => stage.zoom(event.key === "-" ? 0.5 : 2)],
-      ["1", "one image pixel per screen pixel", ["1"], click("zoom-actual")],
-      ["f", "fit the image", ["f"], click("zoom-fit")],
+      ["q", "next quality of the network", ["q"], () => controls.next("quality"), () => get("quality")],
+      ["a", "align a moving scene", ["a"], click("align"), () => get("align")],
+      ["d D", "difference to the next or previous method", ["d", "D"], (event) => controls.next("compare", event.key === "d" ? 1 : -1), () => get("compare")],
+      ["e E", "more or less exposure", ["e", "E"], (event) => controls.setExposure(controls.exposure + (event.key === "e" ? 0.25 : -0.25), event.repeat), () => get("exposure")],
+      ["0", "automatic exposure", ["0"], click("auto"), () => get("exposure")],
+      ["c", "next tone curve", ["c"], () => controls.next("curve"), () => get("curve")],
+      ["j", "dead and hot jots", ["j"], click("overlay-jots"), () => get("overlay-jots")],
+      ["s", "saturated pixels", ["s"], click("overlay-saturated"), () => get("overlay-saturated")],
+      ["u", "uncertainty", ["u"], click("overlay-uncertainty"), () => get("overlay-uncertainty")],
+      ["+ −", "zoom in or out", ["+", "=", "-"], (event) => stage.zoom(event.key === "-" ? 0.5 : 2), zoom],
+      ["1", "one image pixel per screen pixel", ["1"], click("zoom-actual"), zoom],
+      ["f", "fit the image", ["f"], click("zoom-fit"), zoom],
       ["Alt arrows", "move the image", ["Alt+ArrowLeft", "Alt+ArrowRight", "Alt+ArrowUp", "Alt+ArrowDown"], (event) => pan(stage, event)],
       ["i", "go to the image, where arrow keys move the pointer", ["i"], () => get("image").focus()],
       ["p t x", "save as PNG, TIFF, or EXR", ["p", "t", "x"], (event) => get({ p: "save-png", t: "save-tif", x: "save-exr" }[event.key]).click()],
       ["k", "copy the command line", ["k"], click("copy-command")],
       ["y", "copy the Python code", ["y"], click("copy-python")],
       ["l", "copy a link", ["l"], click("copy-link")],
-      ["5 … 9", "open or close a part of the controls", ["5", "6", "7", "8", "9"], (event) => document.querySelector(`summary[data-key="${event.key}"]`).click()],
-      ["v", "next theme", ["v"], click("theme")],
-      ["Esc", "leave a list or a field, whose letters and arrows are its own", ["Escape"], () => document.activeElement.blur()],
+      ["5 … 9", "open or close a part of the controls", ["5", "6", "7", "8", "9"], (event) => part(event.key).click(), (key) => part(key)],
+      ["v", "next theme", ["v"], click("theme"), () => get("theme")],
+      ["Esc", "dismiss a message, and leave a list or a field, whose letters and arrows are its own", ["Escape"], () => leave()],
       ["?", "this list", ["?", "h"], actions.help],
     ];
     this.stage = stage;
-    this.byKey = new Map(this.entries.flatMap(([, , keys, run]) => keys.map((key) => [key, run])));
+    this.byKey = new Map(this.entries.flatMap(([, , keys, run, subject]) => keys.map((key) => [key, { run, subject }])));
     document.addEventListener("keydown", (event) => this.press(event));
     this.releaseControls();
-    for (const control of document.querySelectorAll("[data-key]")) {
-      control.setAttribute("aria-keyshortcuts", spell(control.dataset.key));
-      control.title = `${control.title || control.parentElement.textContent.trim()} (${control.dataset.key})`;
-    }
+    get("letters").checked = recall("letters") !== "off";
+    get("letters").addEventListener("change", () => this.switchLetters());
+    get("dismiss").addEventListener("click", dismiss);
+    this.switchLetters();
     get("shortcut-list").replaceChildren(...this.entries.map(describe));
+  }
+
+  /** Turn the keys of single characters on or off, which speech recognition presses by mistake. */
+  switchLetters() {
+    keep("letters", get("letters").checked ? "on" : "off");
+    for (const control of document.querySelectorAll("[data-key]")) {
+      const { key } = control.dataset;
+      control.dataset.title ??= control.title || nameOf(control);
+      const isOn = get("letters").checked || !isCharacter(key);
+      control.title = isOn ? `${control.dataset.title} (${key})` : control.dataset.title;
+      if (isOn) control.setAttribute("aria-keyshortcuts", spell(key));
+      else control.removeAttribute("aria-keyshortcuts");
+    }
   }
 
   /** Let a control that was used with the mouse or a finger not keep the keys. */
@@ -80,10 +100,17 @@ export class Keys {
       return;
     }
     const prefix = !event.key.startsWith("Arrow") ? "" : event.altKey ? "Alt+" : event.shiftKey ? "Shift+" : "";
-    const run = this.byKey.get(prefix + event.key);
-    if (!run) return;
+    const key = withoutCapsLock(event);
+    const { run, subject } = this.byKey.get(prefix + key) ?? {};
+    if (!run || (isCharacter(key) && !get("letters").checked)) return;
     event.preventDefault();
-    run(event);
+    const control = subject?.(key);
+    if (control?.disabled) {
+      warn(`${nameOf(control)} is unavailable: ${control.dataset.reason}`);
+      return;
+    }
+    run({ key, repeat: event.repeat });
+    if (control) saySoon("control", stateOf(control));
   }
 
   movePointer(event) {
@@ -94,6 +121,21 @@ export class Keys {
   }
 }
 
+function leave() {
+  dismiss();
+  document.activeElement.blur();
+}
+
+/** Return whether a key is one that people type in a text. */
+const isCharacter = (keys) => keys.split(" ").every((key) => key.length === 1 && !"←→".includes(key));
+
+/** Return the key as without Caps Lock, which would turn "next" into "previous". */
+function withoutCapsLock(event) {
+  const { key } = event;
+  if (!/^[a-z]$/i.test(key) || !event.getModifierState("CapsLock")) return key;
+  return key === key.toLowerCase() ? key.toUpperCase() : key.toLowerCase();
+}
+
 function pan(stage, event) {
   const steps = { ArrowUp: [0, 40], ArrowDown: [0, -40], ArrowLeft: [40, 0], ArrowRight: [-40, 0] };
   stage.pan(...steps[event.key].map((value) => value * (devicePixelRatio || 1)));
@@ -101,7 +143,7 @@ function pan(stage, event) {
 
 /** Return keys by the names that aria-keyshortcuts has for them. */
 function spell(keys) {
-  const names = { "←": "ArrowLeft", "→": "ArrowRight", "+": "Plus", "−": "-" };
+  const names = { "←": "ArrowLeft", "→": "ArrowRight", "+": "Plus", "−": "-", Esc: "Escape" };
   return keys.split(" ").map((key) => names[key] ?? key).join(" ");
 }
 

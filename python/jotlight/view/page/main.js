@@ -4,13 +4,15 @@ import { Connection } from "./connection.js";
 import { Controls, capitalize, element, write } from "./controls.js";
 import { addGestures } from "./gestures.js";
 import { Keys } from "./keys.js";
+import { warn } from "./messages.js";
 import { Player } from "./play.js";
 import { Timeline, drawHistogram, forgetColors, format } from "./plots.js";
-import { showReadout, showLegend, showOverlayNotes } from "./readout.js";
-import { addSharing, request, toast } from "./share.js";
-import { say, saySoon } from "./speech.js";
+import { describeImage, showReadout, showLegend, showOverlayNotes } from "./readout.js";
+import { addSharing, request } from "./share.js";
+import { nameOf, say, saySoon } from "./speech.js";
 import { Stage } from "./stage.js";
 import { Store } from "./store.js";
+import { addTheme } from "./theme.js";
 
 const get = (id) => document.getElementById(id);
 const HISTOGRAM_DELAY = 100;
@@ -39,8 +41,8 @@ function ask(moving) {
   requestAnimationFrame(() => {
     isAsking = false;
     number += 1;
-    stopWaiting();
-    if (connection.isOpen) patience = setTimeout(showBusy, BUSY_DELAY);
+    if (isBusy) showBusy();
+    else if (connection.isOpen) waitForImage();
     connection.send({ type: "view", id: number, moving: isMoving, state: request(store.state) });
   });
 }
@@ -80,7 +82,9 @@ function onPointer(place) {
 }
 
 function onZoom(scale) {
-  get("zoom-value").textContent = `${Math.round(scale * 100)} %`;
+  const text = `${Math.round(scale * 100)} %`;
+  write("zoom-value", text);
+  get("zoom-actual").ariaLabel = `Zoom: ${text}`;
 }
 
 let histogram = null;
@@ -92,6 +96,7 @@ function onPainted(header, bytes) {
     if (!isDrawn) setTimeout(showHistogram, isMoving ? HISTOGRAM_DELAY : 0);
     speak(header);
   }
+  controls.setShown(header);
   showLegend(stage, header);
   showNote(header);
   document.dispatchEvent(new CustomEvent("painted", { detail: header }));
@@ -118,13 +123,21 @@ function showBusy() {
   say(text);
 }
 
+/** Say what the page waits for if no image arrives for a while. */
+function waitForImage() {
+  patience ??= setTimeout(showBusy, BUSY_DELAY);
+}
+
 function stopWaiting() {
   clearTimeout(patience);
+  patience = null;
   isBusy = false;
 }
 
 function showNote(header) {
-  if (header.stage === "final" && header.id === number) stopWaiting();
+  const isLast = header.stage === "final" && header.id === number;
+  if (isLast || !isBusy) stopWaiting();
+  if (!isLast && !isBusy) waitForImage();
   if (!isBusy) {
     get("stage-note").classList.remove("error");
     write("stage-note", header.stage === "sample" ? "A part of the window is shown first" : "");
@@ -134,11 +147,23 @@ function showNote(header) {
   write("rate", `${header.title} · ${name} ${format(value)}`);
 }
 
-/** Say which image is shown. The images of a live capture follow each other without end. */
+let saidOfImage = null;
+const saidOfOverlays = new Map();
+/** Say which image is shown. The images of a live capture, or of one that plays, follow each other without end. */
 function speak(header) {
-  if (store.state.follow && !live?.ended) return;
-  const last = header.start + header.window - 1;
-  saySoon(`${header.title}, frames ${header.start} to ${last}, values ${format(header.low)} to ${format(header.high)}`);
+  if ((store.state.follow && !live?.ended) || controls.isPlaying) return;
+  const text = describeImage(header);
+  get("image").ariaLabel = text;
+  if (text !== saidOfImage) saySoon("image", text);
+  saidOfImage = text;
+}
+
+/** Say what an overlay found that was switched on. */
+function speakOfOverlay(kind) {
+  const [note, reason] = ["note", "reason"].map((part) => get(`${kind}-${part}`).textContent);
+  const text = `${nameOf(get(`overlay-${kind}`))}: ${note}${reason ? `. ${reason}` : ""}`;
+  if (text !== saidOfOverlays.get(kind)) saySoon(kind, text);
+  saidOfOverlays.set(kind, text);
 }
 
 function drawTime() {
@@ -182,7 +207,7 @@ const handlers = {
     // While the page is about to ask for another window, the image is that of the window before.
     if (!follow && !isAsking && header.id === number && (header.start !== start || header.window !== window)) {
       // The frames that the address or the slider asked for do not exist, or have left memory.
-      toast(`Frames ${start} to ${start + window - 1} are not available.`);
+      warn(`Frames ${start} to ${start + window - 1} are not available.`);
       Object.assign(store.state, { start: header.start, window: header.window });
       controls.update();
       drawTime();
@@ -199,6 +224,7 @@ const handlers = {
     if (header.id !== number || !store.state.overlays.includes(header.kind)) return;
     stage.setOverlay(header.kind, header, bytes);
     showOverlayNotes(stage, store.state);
+    speakOfOverlay(header.kind);
     if (stage.header) showLegend(stage, stage.header);
   },
   rates(header, bytes) {
@@ -211,15 +237,15 @@ const handlers = {
     controls.setFrames(header.first, header.end);
     timeline.setRates(bytes);
     showBadge();
-    if (header.remark && header.remark !== get("badge").title) toast(header.remark);
-    get("badge").title = header.remark ?? "";
+    if (header.remark && header.remark !== get("remark").textContent) warn(header.remark);
+    write("remark", header.remark ?? "");
     drawTime();
   },
   values(header) {
     const text = showReadout(header.values);
     const [row, column] = stage.pointer ?? [];
     if (!isUnsaid || header.values?.row !== row || header.values.column !== column) return;
-    saySoon(text);
+    saySoon("pointer", text);
     isUnsaid = false;
   },
   recipe(header) {
@@ -253,32 +279,16 @@ get("zoom-out").addEventListener("click", () => stage.zoom(0.5));
 get("zoom-actual").addEventListener("click", () => stage.actualSize());
 get("zoom-fit").addEventListener("click", () => stage.fit());
 
-const THEMES = ["auto", "light", "dark"];
-function setTheme(theme) {
-  if (theme === "auto") delete document.documentElement.dataset.theme;
-  else document.documentElement.dataset.theme = theme;
-  get("theme").setAttribute("aria-label", `Theme: ${theme}`);
-  localStorage.setItem("jotlight-theme", theme);
-  takeTheme();
-}
-function takeTheme() {
+addTheme(get("theme"), () => {
   forgetColors();
   timeline.redraw();
   stage.takeBackground();
   redrawHistogram();
-}
+});
 function redrawHistogram() {
   if (stage.header) drawHistogram(get("histogram"), stage.bytes, stage.header);
 }
 new ResizeObserver(redrawHistogram).observe(get("histogram"));
-for (const query of ["(prefers-color-scheme: dark)", "(forced-colors: active)"]) {
-  matchMedia(query).addEventListener("change", takeTheme);
-}
-setTheme(THEMES.includes(localStorage.getItem("jotlight-theme")) ? localStorage.getItem("jotlight-theme") : "auto");
-get("theme").addEventListener("click", () => {
-  const now = document.documentElement.dataset.theme ?? "auto";
-  setTheme(THEMES[(THEMES.indexOf(now) + 1) % THEMES.length]);
-});
 function help() {
   get("shortcuts").showModal();
   get("shortcuts").scrollTop = 0; // the focus is on the button at the end

@@ -1,6 +1,6 @@
 // Play: the window moves through the frames of a capture. A live capture is followed, or paused.
 
-import { toast } from "./share.js";
+import { warn } from "./messages.js";
 
 const FRAMES_PER_SECOND = 30;
 
@@ -16,7 +16,7 @@ export class Player {
     const { controls, store } = this;
     if (controls.capture?.live) store.set({ follow: !store.state.follow });
     else if (controls.isPlaying) this.stop();
-    else if (this.isWhole) toast("The window holds all frames. Shorten it to play.");
+    else if (this.isWhole) warn("The window holds all frames. Shorten it to play.");
     else this.start();
   }
 

@@ -59,12 +59,17 @@ export function drawHistogram(canvas, bytes, { channels, tone }) {
     else if (bin === 1) context.fillStyle = themeColor("--plot");
     context.fillRect((bin * width) / bins, height - size, width / bins, size);
   }
-  const total = bytes.length / channels;
+  canvas.setAttribute("aria-label", describeHistogram(counts, tone));
+}
+
+/** Return how many pixels lie at the ends of the scale. */
+function describeHistogram(counts, { curve, axis }) {
+  const total = counts.reduce((sum, count) => sum + count, 0);
   const percent = (part) => `${((100 * part) / total).toFixed(part / total < 0.1 ? 1 : 0)} %`;
-  canvas.setAttribute(
-    "aria-label",
-    `Histogram: ${percent(counts[0])} of the pixels are black, ${percent(counts[255])} are white`,
-  );
+  const [low, high] = [percent(counts[0]), percent(counts[255])];
+  if (curve !== "difference") return `Histogram: ${low} of the pixels are black, ${high} are white`;
+  const [first, last] = [axis[0], axis.at(-1)].map(format);
+  return `Histogram of the difference: ${low} of the pixels are at ${first} or below, ${high} are at ${last} or above`;
 }
 
 export class Timeline {

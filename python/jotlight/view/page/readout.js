@@ -1,10 +1,10 @@
 // The values under the pointer, the legend, and the notes of the overlays.
 
-import { element } from "./controls.js";
+import { capitalize, element, framesText, write } from "./controls.js";
 import { format } from "./plots.js";
+import { OVERLAYS } from "./store.js";
 
 const get = (id) => document.getElementById(id);
-const TEXTS = { jots: "jots-note", saturated: "saturated-note", uncertainty: "uncertainty-note" };
 
 /** Show the values of a pixel in all units, or nothing. Return them as a text. */
 export function showReadout(values) {
@@ -45,6 +45,13 @@ function jotNumbers({ bytes, header }) {
   return `${counts[1]}, ${header.searched ? counts[2] : "not searched"}`;
 }
 
+/** Return which image is shown, or which difference, as a text. */
+export function describeImage({ title, tone, low, high, start, window }) {
+  const frames = framesText({ start, window });
+  if (tone.curve !== "difference") return `${title}, ${frames}, values ${format(low)} to ${format(high)}`;
+  return `${title} minus ${tone.other}, ${frames}, root mean square ${format(tone.rms)}`;
+}
+
 /** Show the meaning of the colors of a difference. */
 export function showLegend(stage, header) {
   const legend = get("legend");
@@ -64,19 +71,19 @@ export function showLegend(stage, header) {
   );
 }
 
-/** Show what the overlays found, beside their switches. */
+/** Return what an overlay found, in a few characters. */
+function overlayNote(kind, { bytes, header }) {
+  if (header.unknown) return "unknown";
+  if (kind === "jots") return jotNumbers({ bytes, header });
+  if (kind === "uncertainty") return `0 – ${format(header.largest)}`;
+  return String(bytes.reduce((sum, value) => sum + (value > 0 ? 1 : 0), 0));
+}
+
+/** Show what the overlays found, beside their switches, and how. */
 export function showOverlayNotes(stage, state) {
-  for (const [kind, id] of Object.entries(TEXTS)) {
-    const overlay = stage.overlays.get(kind);
-    let text = "";
-    if (state.overlays.includes(kind) && overlay) {
-      const number = overlay.bytes.reduce((sum, value) => sum + (value > 0 ? 1 : 0), 0);
-      if (overlay.header.unknown) text = "unknown";
-      else if (kind === "jots") text = jotNumbers(overlay);
-      else if (kind === "saturated") text = String(number);
-      else text = `0 – ${format(overlay.header.largest)}`;
-      get(id).title = overlay.header.note ?? "";
-    }
-    get(id).textContent = text;
+  for (const kind of OVERLAYS) {
+    const overlay = state.overlays.includes(kind) ? stage.overlays.get(kind) : undefined;
+    write(`${kind}-note`, overlay ? overlayNote(kind, overlay) : "");
+    write(`${kind}-reason`, capitalize(overlay?.header.note ?? ""));
   }
 }

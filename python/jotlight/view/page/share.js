@@ -1,30 +1,24 @@
 // Saving and sharing: files, the command line, the code, and links.
 
+import { toast, warn } from "./messages.js";
+
 const get = (id) => document.getElementById(id);
-let timer = null;
-
-/** Show a short message. */
-export function toast(text) {
-  const box = get("toast");
-  box.textContent = text;
-  box.hidden = false;
-  clearTimeout(timer);
-  timer = setTimeout(() => (box.hidden = true), 4000);
-}
-
 async function copy(text, what) {
   try {
     await navigator.clipboard.writeText(text);
     toast(`Copied: ${what}`);
   } catch {
     // Without HTTPS, browsers refuse the clipboard on addresses other than this machine.
+    const focused = document.activeElement;
     const area = document.createElement("textarea");
     area.value = text;
     document.body.append(area);
     area.select();
     const isCopied = document.execCommand("copy");
     area.remove();
-    toast(isCopied ? `Copied: ${what}` : text);
+    focused.focus({ preventScroll: true });
+    if (isCopied) toast(`Copied: ${what}`);
+    else warn(text);
   }
 }
 
@@ -35,7 +29,7 @@ export function addSharing(store, connection, capture) {
   }
   const ask = (kind) => {
     if (!connection.isOpen) {
-      toast("Not copied: the server does not answer.");
+      warn("Not copied: the server does not answer.");
       return;
     }
     pending.push(kind);
@@ -51,8 +45,8 @@ export function addSharing(store, connection, capture) {
   return (recipe) => {
     const kind = pending.shift();
     if (kind === undefined) return;
-    if (recipe.problem) toast(`Not copied: ${recipe.problem}`);
-    else if (recipe[kind] === null) toast(capture().live ? "A live capture cannot be opened again." : "Bits in memory have no command. The Python code makes this image.");
+    if (recipe.problem) warn(`Not copied: ${recipe.problem}`);
+    else if (recipe[kind] === null) warn(capture().live ? "A live capture cannot be opened again." : "Bits in memory have no command. The Python code makes this image.");
     else copy(recipe[kind], kind === "command" ? "the command line" : "the Python code");
   };
 }
@@ -62,11 +56,11 @@ async function save(store, ending) {
   const state = encodeURIComponent(JSON.stringify(shown(store.state)));
   const answer = await fetch(`save?format=${ending}&state=${state}`).catch(() => null);
   if (!answer) {
-    toast("Not saved: the server does not answer.");
+    warn("Not saved: the server does not answer.");
     return;
   }
   if (!answer.ok) {
-    toast(`Not saved: ${await answer.text()}`);
+    warn(`Not saved: ${await answer.text()}`);
     return;
   }
   const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") ?? "");
