@@ -182,6 +182,17 @@ def test_the_likelihood_and_its_gradient_are_finite_without_light():
         assert light.grad[..., 0] <= 0 < light.grad[..., 1] < np.inf
 
 
+@pytest.mark.parametrize("threshold", [1, 2, 100])
+def test_the_likelihood_and_its_gradient_are_finite_in_bright_light(threshold):
+    sensing = Sensing(jl.Sensor(frames=16, threshold=threshold, max_intensity=1e4))
+    light = torch.full((1, 1, 1, 2), 5000.0, requires_grad=True)
+    value = sensing.log_likelihood(torch.tensor([[[[16.0, 15.0]]]]), light)
+    value.sum().backward()
+    assert -5000 <= value < -4000
+    assert light.grad[..., 0] == 0
+    assert -1 <= light.grad[..., 1] < -0.9
+
+
 def test_intensities_of_0_and_less_produce_no_counts():
     light = torch.tensor([[[[0.0, -1.0]]]], requires_grad=True)
     for sensor in (jl.Sensor(oversampling=2), jl.Sensor(oversampling=2, threshold=2)):

@@ -1,14 +1,15 @@
 """P(q, s) and its logarithms in PyTorch, differentiable in s."""
 
 import math
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from jotlight.sensing.parameters.response import probability_formula
 
-_SERIES_TERMS = 18
-"""Number of series terms of P for s < 1; the remainder is below the rounding error."""
+_TINY = 1e-280
+"""Probabilities below it are near the underflow."""
 
 
 def detection_probability(threshold: int, rate: Tensor) -> Tensor:
@@ -34,7 +35,7 @@ def detection_probability(threshold: int, rate: Tensor) -> Tensor:
 def log_probabilities(threshold: int, rate: Tensor) -> tuple[Tensor, Tensor]:
     """Return log P(q, s) and log(1 - P(q, s)), in double precision for q > 1.
 
-    Double precision is necessary, because P(q, s) of small s underflows in single precision.
+    Both and their derivatives are finite where the probabilities themselves underflow.
 
     Parameters
     ----------
@@ -45,28 +46,81 @@ def log_probabilities(threshold: int, rate: Tensor) -> tuple[Tensor, Tensor]:
 
     Examples
     --------
-    >>> rate = torch.tensor([1e-30, 1.0])
+    >>> rate = torch.tensor([1e-30, 1.0, 900.0])
     >>> [x.numpy().round(4).tolist() for x in log_probabilities(2, rate)]
-    [[-138.8483, -1.3309], [0.0, -0.3069]]
+    [[-138.8483, -1.3309, -0.0], [-0.0, -0.3069, -893.1965]]
     """
     if threshold == 1:
         return torch.log(detection_probability(1, rate)), -rate
-    rate = rate.double()
-    order = torch.full_like(rate, threshold)
-    is_small = rate < 1
-    # Each branch gets harmless values where the other one is used, so that no gradient is NaN.
-    small, large = torch.where(is_small, rate, 1), torch.where(is_small, 1, rate)
-    # P = s^q exp(-s) / q! · (1 + s/(q + 1) + s²/((q + 1)(q + 2)) + ...)
-    series = torch.ones_like(small)
-    for term in range(_SERIES_TERMS, 0, -1):
-        series = 1 + series * small / (threshold + term)
-    log_small = threshold * torch.log(small) - small - math.lgamma(threshold + 1)
-    log_small = log_small + torch.log(series)
-    log_large = torch.log(detection_probability(threshold, large))
-    log_complement = torch.log(torch.special.gammaincc(order, rate))
-    return torch.where(is_small, log_small, log_large), log_complement
+    logarithms: tuple[Tensor, Tensor] = _LogProbabilities.apply(rate.double(), threshold)
+    return logarithms
+
+
+class _LogProbabilities(torch.autograd.Function):
+    """log P(q, s) and log(1 - P(q, s)), with derivatives of any order."""
+
+    generate_vmap_rule = True
+
+    @staticmethod
+    def forward(rate: Tensor, threshold: int) -> tuple[Tensor, Tensor]:
+        order = torch.full_like(rate, threshold)
+        one, zero = torch.special.gammainc(order, rate), torch.special.gammaincc(order, rate)
+        # P(Y = q) for Y ~ Poisson(s)
+        log_mass = threshold * torch.log(rate) - rate - math.lgamma(threshold + 1)
+        log_upper = log_mass + torch.log(_upper_sum(threshold, rate))
+        log_lower = log_mass + torch.log(_lower_sum(threshold, rate))
+        return _logarithm(one, zero, log_upper), _logarithm(zero, one, log_lower)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Tensor, int], output: tuple[Tensor, Tensor]) -> None:
+        rate, ctx.threshold = inputs
+        ctx.save_for_backward(rate, *output)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        rate, log_one, log_zero = ctx.saved_tensors
+        q = ctx.threshold
+        # ∂P/∂s = s^(q - 1) exp(-s) / (q - 1)!
+        log_density = (q - 1) * torch.log(rate) - rate - math.lgamma(q)
+        one, zero = gradients
+        return one * torch.exp(log_density - log_one) - zero * torch.exp(
+            log_density - log_zero
+        ), None
+
+
+def _logarithm(probability: Tensor, complement: Tensor, log_tail: Tensor) -> Tensor:
+    """Return log p from p, 1 - p, and log p where p underflows."""
+    logarithm = torch.where(probability < 0.5, torch.log(probability), torch.log1p(-complement))
+    return torch.where(probability < _TINY, log_tail, logarithm)
+
+
+def _upper_sum(threshold: int, rate: Tensor) -> Tensor:
+    """Return P(Y ≥ q) / P(Y = q) = 1 + s/(q + 1) + s²/((q + 1)(q + 2)) + ... for tiny P(Y ≥ q)."""
+    total = torch.ones_like(rate)
+    for term in range(_number_of_terms(threshold), 0, -1):
+        total = 1 + total * rate / (threshold + term)
+    return total
+
+
+def _lower_sum(threshold: int, rate: Tensor) -> Tensor:
+    """Return P(Y < q) / P(Y = q) = q/s + q(q - 1)/s² + ... for tiny P(Y < q)."""
+    total = torch.zeros_like(rate)
+    for factor in range(threshold - _number_of_terms(threshold) + 1, threshold + 1):
+        total = (1 + total) * factor / rate
+    return total
+
+
+def _number_of_terms(threshold: int) -> int:
+    """Return how many terms the sums need where a probability is below 10⁻²⁸⁰.
+
+    The rate is so far from q that each term is below the one before it by exp(-36/√q) or less.
+    """
+    return min(threshold, 10 + math.ceil(1.2 * math.sqrt(threshold)))
 
 
 def _gammainc(order: int, x: Tensor) -> Tensor:
-    result: Tensor = torch.special.gammainc(torch.full_like(x, order), x)
-    return result
+    # The derivative in single precision has few digits for large q.
+    result: Tensor = torch.special.gammainc(
+        torch.full_like(x, order, dtype=torch.float64), x.double()
+    )
+    return result.to(x.dtype)
