@@ -205,6 +205,13 @@ def test_the_score_is_the_derivative_of_the_logarithm(pixel):
     assert np.isfinite(pixel.score(pixel.max_count, 1e-9))
 
 
+@pytest.mark.parametrize("dark_counts", [0.0, 0.5])
+def test_a_detection_before_a_long_dead_time_is_no_darkness(dark_counts):
+    pixel = jl.FreeRunning(dead_time=0.95, dark_counts=dark_counts)
+    merged = pixel.merge([[0, 1]], light=20.0, near_neighbors=False)
+    np.testing.assert_allclose(jl.mle(merged), pixel.mle([[0, 1]]) / 20, rtol=1e-5)
+
+
 def test_dark_and_saturated_pixels_are_at_the_ends():
     pixel = jl.FreeRunning(dead_time=0.1)
     merged = pixel.merge([[0, 10]], light=20.0, max_intensity=2.0, near_neighbors=False)

@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.estimators.merge_readings import counts_at_maximum
-from jotlight.estimators.readings.joint_mle import maximize
+from jotlight.estimators.readings.joint_mle import maximize, regular_maximum
 from jotlight.estimators.readings.reference_sensors import reference_sensor
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.likelihood.likelihood import Likelihood
@@ -45,7 +45,7 @@ def reference_likelihood(merged):
 def test_the_likelihood_has_the_same_maximum_and_the_same_information(sensor):
     bits = expose(sensor)
     joint = joint_likelihood(bits, sensor, None)
-    ones, trials = counts_at_maximum(joint, reference_sensor(sensor))
+    ones, trials = counts_at_maximum(joint, reference_sensor(sensor), regular_maximum(joint))
     merged = jl.merge_readings(bits)
     assert merged.sensor == reference_sensor(sensor)
     estimate = maximize(joint)
@@ -67,6 +67,30 @@ def test_the_likelihood_has_the_same_maximum_and_the_same_information(sensor):
     close = inside & (ones > 2)
     ratio = merged.trials[close] / trials[close]
     assert (abs(ratio - 1) <= 0.5 / ones[close] + 1e-9).all()
+
+
+@pytest.mark.parametrize("read_noise", [0.0, 0.15])
+def test_bright_pixels_with_less_than_half_a_one_stay_bright(read_noise):
+    sensor = jl.Sensor(
+        frames=16, gain=np.repeat([1.0, 1e-3], 8), max_intensity=1e5, read_noise=read_noise
+    )
+    bits = np.repeat([True, False], 8)[:, None, None]
+    bits = jl.Bits.from_array(np.concatenate([bits, np.zeros_like(bits)], axis=2), sensor)
+    merged = jl.merge_readings(bits)
+    assert merged.ones.tolist() == [[1, 0]]
+    np.testing.assert_allclose(jl.mle(merged), jl.mle(bits), rtol=1e-5)
+
+
+def test_with_read_noise_pixels_that_may_be_dark_keep_their_trials():
+    sensor = jl.Sensor(**BRACKET, read_noise=0.2)
+    bits = sensor.expose(np.zeros((40, 40)), rng=0)
+    joint = joint_likelihood(bits, sensor, None)
+    ones, trials = counts_at_maximum(joint, reference_sensor(sensor), regular_maximum(joint))
+    rounded = (ones > 0) & (ones < 0.5)
+    assert rounded.any()
+    merged = jl.merge_readings(bits)
+    assert (merged.ones[rounded] == 0).all()
+    np.testing.assert_array_equal(merged.trials[rounded], trials[rounded])
 
 
 @pytest.mark.parametrize("sensor", SENSORS[:2], ids=repr)

@@ -7,7 +7,7 @@ from scipy import optimize
 import jotlight as jl
 from jotlight.estimators.merge_readings import counts_at_maximum
 from jotlight.estimators.planning.bracketing import intensity_range, snr_bound
-from jotlight.estimators.readings.joint_mle import maximize
+from jotlight.estimators.readings.joint_mle import maximize, regular_maximum
 from jotlight.estimators.readings.reference_sensors import reference_sensor
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.likelihood.multibit import reading_probability
@@ -118,7 +118,7 @@ def test_equivalent_counts_have_the_same_maximum_and_information(name):
     joint = joint_likelihood(sensor.expose(SCENE, rng=4), sensor, None)
     reference = reference_sensor(sensor)
     assert reference.has_plain_bits
-    ones, trials = counts_at_maximum(joint, reference)
+    ones, trials = counts_at_maximum(joint, reference, regular_maximum(joint))
     x = maximize(joint)
     clear = (x > 0.1) & (x < 5) & (joint.total > 0) & (joint.total < joint.max_total)
     assert clear.sum() > 40

@@ -22,6 +22,7 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.maps import pixel_means
 from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
+from jotlight.underflow import underflows_to_0
 
 _SATURATED = 700.0
 """Rate of a jot above which the information of its bits is 0 in double precision."""
@@ -68,8 +69,9 @@ def merge_readings(
     rare readings have much information about exact darkness. Where all readings are 0 or all are
     the largest one, the ones are 0 or n, and n has the same derivative at the intensity at which
     half a one or half a zero is expected. Ones are rounded to whole numbers. Trials are then scaled
-    such that the maximum stays the same. With read noise, a pixel may have less than half a one,
-    which becomes 0. Its maximum is then 0, and its trials stay.
+    such that the maximum stays the same. Where there is less than half a one, and the likelihood of
+    darkness is at least 1/e of the highest one, the ones become 0 instead, and the trials stay.
+    Read noise causes such pixels.
 
     The trials depend on the noise of the readings. So denoisers of these counts are biased if there
     are few readings. :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings
@@ -102,7 +104,11 @@ def merge_images(images: GrayImages, sensor: Sensor, threads: int | None) -> Gra
 
 
 def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merged:
-    """Return the equivalent counts of a gray image, as :func:`round_ones` rounds them."""
+    """Return the equivalent counts of a gray image.
+
+    If `keeps_maximum` is true, they have the most likely intensities of the readings also where
+    these may be darkness.
+    """
     if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
         counts = joint.total.astype(np.int32)
         efficiency, dark_counts = mean_jots(joint.sensor)
@@ -111,10 +117,12 @@ def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merge
         )
     reference = reference_sensor(joint.sensor)
     efficiency, dark_counts = mean_jots(reference)
-    ones, trials = counts_at_maximum(joint, reference)
+    intensity = regular_maximum(joint)
+    ones, trials = counts_at_maximum(joint, reference, intensity)
     share = light_share(joint.sensor, reference)
+    is_kept = keeps_maximum | excludes_darkness(joint, intensity)
     return Merged(
-        *round_ones(ones, trials, keeps_maximum=keeps_maximum),
+        *round_ones(ones, trials, keeps_maximum=is_kept),
         reference,
         dark_counts=dark_counts,
         efficiency=efficiency,
@@ -123,7 +131,25 @@ def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merge
     )
 
 
-def counts_at_maximum(joint: JointLikelihood, reference: Sensor) -> tuple[Array, Array]:
+@underflows_to_0
+def excludes_darkness(joint: JointLikelihood, intensity: Array) -> npt.NDArray[np.bool_]:
+    """Return where darkness is less likely than the most likely intensities, by more than 1 nat.
+
+    The log-likelihood is concave, so it is below its tangent at intensity 0.
+
+    Examples
+    --------
+    >>> joint = joint_likelihood(np.array([[0, 1]], np.int32), jl.Sensor(frames=4), None)
+    >>> excludes_darkness(joint, regular_maximum(joint))
+    array([[False,  True]])
+    """
+    with np.errstate(over="ignore"):
+        return np.asarray(joint.gradient_and_curvature(0.0)[0] * intensity > 1)
+
+
+def counts_at_maximum(
+    joint: JointLikelihood, reference: Sensor, intensity: Array
+) -> tuple[Array, Array]:
     """Return the ones and the trials of a reference sensor that say the same at the maximum.
 
     They are real numbers, of the shape of the pixels.
@@ -134,17 +160,18 @@ def counts_at_maximum(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
         The likelihood of the readings.
     reference : Sensor
         The :func:`jotlight.estimators.readings.reference_sensors.reference_sensor` of the readings.
+    intensity : ndarray of float, shape (H, W)
+        The maximum, from :func:`jotlight.estimators.readings.joint_mle.regular_maximum`.
 
     Examples
     --------
     >>> sensor = jl.Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
     >>> joint = joint_likelihood(jl.Bits.from_array([[[1]], [[0]]]), sensor, None)
-    >>> ones, trials = counts_at_maximum(joint, reference_sensor(sensor))
+    >>> ones, trials = counts_at_maximum(joint, reference_sensor(sensor), regular_maximum(joint))
     >>> ones.round(4), trials.round(4), (ones / trials).round(4)  # 1/4 at x = log(4/3)
     (array([[0.7973]]), array([[3.1892]]), array([[0.25]]))
     """
     efficiency, dark_counts = mean_jots(reference)
-    intensity = regular_maximum(joint)
     gradient = joint.gradient_and_curvature(intensity)[0]
     least = np.maximum(intensity, min_light(joint))
     information = joint.information(least)
@@ -254,13 +281,13 @@ def mean_jots(sensor: Sensor) -> tuple[float | Array, float | Array]:
 
 
 def round_ones(
-    ones: Array, trials: Array, *, keeps_maximum: bool = False
+    ones: Array, trials: Array, *, keeps_maximum: bool | npt.NDArray[np.bool_] = False
 ) -> tuple[npt.NDArray[np.int32], Any]:
     """Return whole numbers of ones, and trials with the same fraction of ones.
 
     Less than half a one in more than twice as many trials becomes 0 in as many trials, so that the
-    information stays. If `keeps_maximum` is true, it becomes a one in more trials instead, so that
-    the most likely intensity stays.
+    information stays. Where `keeps_maximum` is true, it becomes a one in more trials instead, so
+    that the most likely intensity stays.
 
     Examples
     --------
@@ -272,7 +299,8 @@ def round_ones(
     """
     fraction = np.divide(ones, trials, out=np.zeros(ones.shape), where=trials > 0)
     whole = np.rint(ones)
-    whole = np.where((fraction > (0 if keeps_maximum else 0.5)) & (whole == 0), 1.0, whole)
+    least = np.where(keeps_maximum, 0.0, 0.5)
+    whole = np.where((fraction > least) & (whole == 0), 1.0, whole)
     scaled = np.divide(whole, fraction, out=trials.copy(), where=(fraction > 0) & (whole > 0))
     return whole.astype(np.int32), np.maximum(scaled, whole)
 

@@ -98,9 +98,12 @@ def merge_at_maximum(
     rate = slope * intensity + pixel.dark_counts / sensor.frames
     ends = {"is_dark": distinct == 0, "is_full": distinct == pixel.max_count}
     each = counts_of_equal_likelihood(gradient, information, slope, rate, rate, **ends)
+    # As for readings, less than half a one becomes 0 only where a pixel may be dark.
+    is_kept = light * pixel.score(distinct, np.zeros(distinct.shape)) * intensity > 1
+    rounded = round_ones(*each, keeps_maximum=is_kept)
     is_live = _live_pixels(sensor, counts.shape)
-    ones, trials = (np.where(is_live, part[places.reshape(counts.shape)], 0.0) for part in each)
-    return *round_ones(ones, trials), None
+    ones, trials = (np.where(is_live, part[places.reshape(counts.shape)], 0) for part in rounded)
+    return ones, trials, None
 
 
 def merge_near_neighbors(
