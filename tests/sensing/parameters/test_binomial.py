@@ -51,3 +51,16 @@ def test_the_upper_limit_keeps_the_digits_of_small_complements():
     limit, complement = upper_limit(np.array([10.0**9]), np.array([1.0]), 1e-6)
     assert complement[0] == pytest.approx(1e-15, rel=1e-3)
     assert limit[0] == 1 - complement[0]
+
+
+@pytest.mark.parametrize("ones", [0.0, 0.4, 3.0])
+def test_fewer_zeros_widen_the_interval(ones):
+    zeros = np.array([0.0, 1e-6, 0.01, 0.1, 0.5, 0.9, 1.0, 1.1, 2.0, 9.0])
+    _, (high, above_high) = clopper_pearson(
+        np.full(10, ones), ones + zeros, 0.025, jots_differ=False
+    )
+    assert (high[0], above_high[0]) == (1, 0)
+    assert (np.diff(high) <= 0).all()
+    assert (np.diff(above_high[2:]) > 0).all()
+    if ones == 0:
+        np.testing.assert_allclose(above_high[2:], 0.025 ** (1 / zeros[2:]), rtol=1e-12)

@@ -81,8 +81,8 @@ def upper_limit(
 
     inverse, complement = interruptible(betaincinv), interruptible(betainccinv)
     with np.errstate(all="ignore"):
-        above = np.where(zeros > 0, inverse(np.maximum(zeros, 1), ones + 1, tail), 0.0)
-        limit = np.where(zeros > 0, complement(ones + 1, np.maximum(zeros, 1), tail), 1.0)
+        above = np.where(zeros > 0, inverse(np.where(zeros > 0, zeros, 1), ones + 1, tail), 0.0)
+        limit = np.where(zeros > 0, complement(ones + 1, np.where(zeros > 0, zeros, 1), tail), 1.0)
     return limit, above
 
 
