@@ -163,3 +163,16 @@ def test_a_periodic_map_of_thresholds_is_no_mosaic():
     bits = sensor.expose(np.full((256, 256), 0.7), rng=0)
     jl.mle(jl.Bits(bits.packed, bits.width), sensor)  # a warning would be an error
     jl.mle(bits.counts(), sensor)
+
+
+def test_bits_with_read_noise_far_below_the_threshold_have_their_expected_sum():
+    sensor = jl.Sensor(threshold=100, read_noise=0.3, frames=16, gain=1600, max_intensity=10)
+    bits = jl.Bits.from_array(np.zeros((16, 1, 1), bool), sensor)
+    light = solve_expected_total(joint_likelihood(bits, sensor, None), 0.5)
+    # Read noise changes some readings only where 99 or 100 photons arrive.
+    noiseless = sensor.replace(read_noise=0.0)
+    bits = jl.Bits.from_array(bits.to_array(), noiseless)
+    expected = solve_expected_total(joint_likelihood(bits, noiseless, None), 0.5)
+    np.testing.assert_allclose(light, expected, rtol=2e-3)
+    errors = [jl.uncertainty(bits, each, method="mle") for each in (sensor, noiseless)]
+    np.testing.assert_allclose(*(each.standard_error for each in errors), rtol=0.02)

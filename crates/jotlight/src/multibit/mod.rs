@@ -233,7 +233,7 @@ impl Response {
 
     /// Return the mean and the variance of a reading at the rate s, and the derivative of the mean.
     ///
-    /// One more photon raises the reading by 1 unless it is below 0 or at its end.
+    /// One more photon raises the reading by 1 if the level is that of any reading but the highest.
     #[must_use]
     pub fn moments(&self, s: f64) -> (f64, f64, f64) {
         let top = self.max_reading();
@@ -244,34 +244,27 @@ impl Response {
             return (f64::from(top), 0.0, 0.0);
         }
         let s = s.max(MIN_RATE);
-        let (mut mean, mut square, mut rest) = (0.0, 0.0, 1.0);
-        let mut slope = self.level_probability(self.lowest, s);
         let sigma = self.noise.as_ref().map_or(0.0, Noise::sigma);
         let reach = 12.0 * (s + sigma * sigma).sqrt() + 12.0 * sigma + 30.0;
-        let bottom = (s - reach - self.lowest as f64).clamp(0.0, f64::from(top)) as u32;
-        let end = (s + reach - self.lowest as f64).clamp(0.0, f64::from(top)) as u32;
-        let mut probabilities = vec![0.0; (end.min(top) - bottom) as usize];
-        self.write_probabilities(bottom, s, &mut probabilities);
-        for (reading, probability) in (bottom..).zip(probabilities) {
-            let value = f64::from(reading) - f64::from(bottom);
-            rest -= probability;
-            slope += if reading > 0 { probability } else { 0.0 };
-            mean += value * probability;
-            square += value * value * probability;
+        let near = s - self.lowest as f64;
+        // Two readings or more, so that the probability of one that is not sure is among them.
+        let first = (near - reach).clamp(0.0, f64::from(top - 1)) as u32;
+        let last = (near + reach).clamp(1.0, f64::from(top)) as u32;
+        let mut probabilities = vec![0.0; (last - first + 1) as usize];
+        self.write_probabilities(first, s, &mut probabilities);
+        let mut slope = self.level_probability(self.lowest, s);
+        let mut mean = 0.0;
+        for (reading, probability) in (first..).zip(&probabilities) {
+            mean += f64::from(reading - first) * probability;
+            if 0 < reading && reading < top {
+                slope += probability;
+            }
         }
-        let value = f64::from(end) - f64::from(bottom);
-        let last = if end == top {
-            self.ln_probability(top, s).exp()
-        } else {
-            rest.max(0.0)
-        };
-        mean += value * last;
-        square += value * value * last;
-        if end < top {
-            slope += last;
+        let mut variance = 0.0;
+        for (value, probability) in (0..).zip(&probabilities) {
+            variance += (f64::from(value) - mean).powi(2) * probability;
         }
-        let variance = (square - mean * mean).max(0.0);
-        (mean + f64::from(bottom), variance, slope.min(1.0))
+        (mean + f64::from(first), variance, slope.min(1.0))
     }
 
     fn level(&self, reading: u32) -> Level {

@@ -71,6 +71,52 @@ fn functions_of_huge_rates_are_those_of_an_infinite_one() -> Result<()> {
 }
 
 #[test]
+fn moments_are_sums_over_all_readings() -> Result<()> {
+    for noise in [0.0, 0.3, 2.0] {
+        for (top, threshold) in [
+            (1, 1),
+            (1, 2),
+            (1, 100),
+            (3, 1),
+            (3, 100),
+            (255, 1),
+            (255, 100),
+        ] {
+            let response = Response::new(top, noise, threshold)?;
+            let table = response.moments_table();
+            for s in [1e-3, 0.4, 1.0, 20.0, 50.0, 90.0, 100.0, 130.0, 300.0, 700.0] {
+                let probability = |reading| response.ln_probability(reading, s).exp();
+                let mean: f64 = (1..=top).map(|r| f64::from(r) * probability(r)).sum();
+                let distance = |r: u32| (f64::from(r) - mean).powi(2);
+                let variance: f64 = (0..=top).map(|r| distance(r) * probability(r)).sum();
+                // The score of a reading is d log P/ds.
+                let change = |r| response.score_and_curvature(r, s).0 * probability(r);
+                let slope: f64 = (1..=top).map(|r| f64::from(r) * change(r)).sum();
+                let found = response.moments(s);
+                for [mean_found, variance_found, slope_found] in [found.into(), table.at(s)] {
+                    let text = format!("noise {noise}, top {top}, q {threshold}, rate {s}");
+                    assert!((mean_found - mean).abs() < 1e-7 * (1e-3 + mean), "{text}");
+                    assert!(
+                        (variance_found - variance).abs() < 1e-7 * (1e-3 + variance),
+                        "{text}"
+                    );
+                    assert!(
+                        (slope_found - slope).abs() < 1e-7,
+                        "{text}: {slope_found} {slope}"
+                    );
+                }
+                // Relative errors of bits are small too, unless the moments underflow.
+                if top == 1 && mean > 0.0 {
+                    assert!((found.0 / mean - 1.0).abs() < 1e-9);
+                    assert!((found.2 / slope - 1.0).abs() < 1e-9);
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
 fn tiny_rates_are_nearly_those_of_no_light() -> Result<()> {
     for noise in [0.05, 0.3, 5.0] {
         let response = Response::new(3, noise, 1)?;
