@@ -92,6 +92,20 @@ def test_at_the_saturation_light_one_pixel_in_a_hundred_has_only_ones():
     np.testing.assert_allclose(probabilities[2] ** bits[2], 0.01, rtol=1e-6)
 
 
+@pytest.mark.parametrize("readings", [{}, {"read_noise": 0.3}, {"bit_depth": 2, "read_noise": 0.3}])
+def test_readings_that_dark_counts_saturate_have_a_plan(readings):
+    sensor = jl.Sensor(dark_counts=20.0, **readings)
+    expected = jl.plan(sensor, (1.0, 1e4), frames=[10, 10**6])
+    assert expected.saturation_light.tolist() == [0, 0]
+    assert np.isfinite(expected.rmse).all()
+
+
+def test_readings_that_are_nearly_certain_have_a_plan():
+    sensor = jl.Sensor(dark_counts=5.0, read_noise=0.3)
+    expected = jl.plan(sensor, (1.0, 1e4), frames=[10**6])  # no warning
+    assert np.isfinite(expected.rmse).all()
+
+
 @pytest.mark.parametrize("readings", [{"threshold": 2}, {"bit_depth": 2}])
 @pytest.mark.parametrize("strongest", [0.5, 1.0])
 def test_the_most_responsive_jot_does_not_change_a_plan(readings, strongest):

@@ -211,7 +211,7 @@ def _distribution(parts: list[Part], deviation: float) -> tuple[Array, Array, fl
         steps = np.where(number * probabilities > _NEGLIGIBLE, scores - scores[mode], 0.0)
         kept.append((number, probabilities, steps))
         origin += number * scores[mode]
-        others += number * (1 - float(probabilities[mode]))
+        others += number * float(np.delete(probabilities, mode).sum())
         low, high = low + number * steps.min(), high + number * steps.max()
         largest, gap = max(largest, float(np.abs(steps).max())), abs(float(steps[second]))
     half = _DEVIATIONS * deviation + 3 * largest

@@ -55,10 +55,16 @@ class PlannedReadings:
 
     def saturation_light(self, frames: int, fraction: float) -> float:
         """Return the light at which all readings are the largest in a fraction of the pixels."""
-        low, high, number = 0.0, _MAX_LIGHT, frames * self.jots
+        number = frames * self.jots
+
+        def is_below(level: float) -> bool:
+            largest = self._jot.probability(self._jot.max_reading, np.array([level]))[0]
+            return bool(number * np.log(max(largest, 1e-300)) < np.log(fraction))
+
+        if not is_below(0.0):  # dark counts alone saturate the readings
+            return 0.0
+        low, high = 0.0, _MAX_LIGHT
         for _ in range(_STEPS):
-            middle = np.sqrt(max(low, 1e-3 * high) * high)
-            largest = self._jot.probability(self._jot.max_reading, np.array([middle]))[0]
-            is_below = number * np.log(max(largest, 1e-300)) < np.log(fraction)
-            low, high = (middle, high) if is_below else (low, middle)
+            middle = float(np.sqrt(max(low, 1e-3 * high) * high))
+            low, high = (middle, high) if is_below(middle) else (low, middle)
         return high
