@@ -56,7 +56,8 @@ def test_the_frames_beside_the_image_are_those_of_the_image(opened, monkeypatch)
 
     tab = opened("method=mle&window=16&white=1")
     monkeypatch.setattr(Pipeline, "count", slow)
-    for _ in range(4):  # a request does not restart the time after which the page says that it waits
+    # A request does not restart the time after which the page says that it waits.
+    for _ in range(4):
         tab.keyboard.press("ArrowRight")
         tab.wait_for_timeout(200)
     assert tab.locator("#stage-note").inner_text() == "Waiting for maximum likelihood"
@@ -75,7 +76,9 @@ def test_a_page_beyond_the_limit_says_so(browser, server, monkeypatch):
     tab.close()
 
 
-REFUSED = "Object.defineProperty(window, 'localStorage', { get() { throw new Error('refused'); } });"
+REFUSED = (
+    "Object.defineProperty(window, 'localStorage', { get() { throw new Error('refused'); } });"
+)
 
 
 def test_the_page_works_where_the_browser_keeps_nothing(opened):
