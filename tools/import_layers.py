@@ -19,11 +19,11 @@ FOLDER = Path(__file__).parents[1] / "python" / "jotlight"
 ENGINE = "_engine"
 
 ORDER = (
-    "errors kept seeds arrays checks parameter_names notebook blur squares underflow drawing "
-    "figures progress chunks interrupts layout memory output_files output_links temporary_names "
-    "files tensors argument_types < sensing < calibration formats metrics < estimators images < "
-    "datasets networks < motion training < torch plots < evaluation < dask experiments < view < "
-    "cli napari < jotlight"
+    "errors array_types kept seeds arrays checks parameter_names notebook blur squares underflow "
+    "drawing figures progress chunks interrupts layout memory output_files output_links "
+    "temporary_names files tensors argument_types < sensing < calibration formats metrics < "
+    "estimators images < datasets networks < motion training < torch plots < evaluation < dask "
+    "experiments < view < cli napari < jotlight"
 )
 """The units, from the lowest rank to the highest; `jotlight` is `__init__.py` and `__main__.py`."""
 

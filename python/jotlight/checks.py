@@ -8,9 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Counts = npt.NDArray[np.int32]
-"""Numbers of ones, L."""
-
 MAX_THREADS = 1024
 """Largest number of threads that the engine starts."""
 

@@ -3,7 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.jot_counts import JotCounts, Rates
+from jotlight.array_types import Array
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.errors import warn
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.parameters.response import detection_probability
@@ -34,8 +35,8 @@ A jot that has the dark counts detects all of them, and a jot that has none dete
 
 def warn_about_dark_counts(
     flat: JotCounts,
-    dark: Rates,
-    light: Rates,
+    dark: Array,
+    light: Array,
     hot: npt.NDArray[np.bool_],
     false_positive_rate: float,
 ) -> None:
@@ -65,7 +66,7 @@ def warn_about_dark_counts(
 
 
 def missing_dark_counts(
-    jots: JotCounts, dark: Rates, light: Rates, hot: npt.NDArray[np.bool_]
+    jots: JotCounts, dark: Array, light: Array, hot: npt.NDArray[np.bool_]
 ) -> tuple[int, int, float]:
     """Return how many hot jots lack their dark counts, of how many, and the score of this number.
 
@@ -171,7 +172,7 @@ def warn_about_conflict(bits: Bits, sensor: Sensor) -> None:
         warn(f"calibration: {conflict}")
 
 
-def _light_of_neighbors(light: Rates, hot: npt.NDArray[np.bool_]) -> Rates:
+def _light_of_neighbors(light: Array, hot: npt.NDArray[np.bool_]) -> Array:
     """Return the light around each hot jot, (N,): the median or the mean, whichever is lower.
 
     The median of few counts may be too high by half a count. The mean is too high near bright

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.parameters.response import Array
+from jotlight.array_types import Array
 from jotlight.underflow import underflows_to_0
 
 _MAX_QUANTILE = 0.7

@@ -3,7 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.jot_counts import JotCounts, Rates
+from jotlight.array_types import Array
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.calibration.light import LocalLight
 from jotlight.sensing.parameters.binomial import clopper_pearson
 from jotlight.sensing.parameters.response import (
@@ -55,7 +56,7 @@ def find_dead_jots(
     return np.asarray((bdtr(ones * 1.0, frames, weak) <= share) | (many <= share))
 
 
-def _dark_limits(dark: JotCounts, share: float) -> tuple[Rates, Rates]:
+def _dark_limits(dark: JotCounts, share: float) -> tuple[Array, Array]:
     """Return limits of the dark counts that are wrong with at most this probability each.
 
     Examples

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.jot_counts import Rates
+from jotlight.array_types import Array, Mask
 from jotlight.calibration.light import LocalLight, window_mean, window_sum
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.sensing.data.periodic_rates import THRESHOLD, PeriodicRates, largest_period
@@ -29,10 +29,8 @@ _MIN_RATIO = 4.0
 _MAX_RELATIVE = 3.0
 """Limit of the light of a jot in a test of periods. Few stuck jots would determine the scatter."""
 
-Flags = npt.NDArray[np.bool_]
 
-
-def warn_about_light(found: LocalLight, relative: Rates, known: Flags, gray: bool) -> None:
+def warn_about_light(found: LocalLight, relative: Array, known: Mask, gray: bool) -> None:
     """Warn about the rates of a mosaic that is not stated, or else about the image of a scene.
 
     Parameters
@@ -59,7 +57,7 @@ def warn_about_light(found: LocalLight, relative: Rates, known: Flags, gray: boo
         )
 
 
-def warn_about_scene(rates: Rates, hot: Flags) -> None:
+def warn_about_scene(rates: Array, hot: Mask) -> None:
     """Warn if a dark capture shows the image of a scene.
 
     Parameters
@@ -82,7 +80,7 @@ def warn_about_scene(rates: Rates, hot: Flags) -> None:
         )
 
 
-def light_structure(light: Rates, error: Rates) -> float:
+def light_structure(light: Array, error: Array) -> float:
     """Return the standard deviation of the light from a polynomial, relative to its mean.
 
     Optics and lamps make the light fall off smoothly, which a polynomial of degree 4 of the place
@@ -116,7 +114,7 @@ def light_structure(light: Rates, error: Rates) -> float:
     return math.sqrt(scatter - noise) / max(float(values.mean()), 1e-300)
 
 
-def find_periods(relative: Rates, known: Flags) -> PeriodicRates | None:
+def find_periods(relative: Array, known: Mask) -> PeriodicRates | None:
     """Return the period with which the rates of a flat capture repeat, or None.
 
     Even light has no texture, so a few rows of jots suffice. Where
@@ -139,7 +137,7 @@ def find_periods(relative: Rates, known: Flags) -> PeriodicRates | None:
     return largest_period(rates, _score)
 
 
-def _binned(rates: npt.NDArray[np.float32], side: int) -> Rates:
+def _binned(rates: npt.NDArray[np.float32], side: int) -> Array:
     """Return the means of squares of jots, with an even number of rows and columns of them."""
     height, width = (length // (2 * side) * 2 for length in rates.shape)
     return mean_squares(rates[: height * side, : width * side], side, np.float64)
@@ -167,7 +165,7 @@ def _score(jots: npt.NDArray[np.float32], side: int) -> tuple[float, float]:
     return max(scores), math.sqrt(power) / max(float(rates.mean()), 1e-9)
 
 
-def _normal_score(mean: float, values: Rates) -> float:
+def _normal_score(mean: float, values: Array) -> float:
     """Return the score of a normal variable that is as unlikely as this mean.
 
     The mean follows Student's t distribution. Wallace's formula is close far out in its tails.

@@ -4,38 +4,32 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
-import numpy.typing as npt
-
+from jotlight.array_types import Counts, Image, Mask
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.steadiness import Steadiness
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.parameters.provenance import Provenance
-
-Map = npt.NDArray[np.float32]
-Flags = npt.NDArray[np.bool_]
-Ones = npt.NDArray[np.int32]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class CalibrationFields:
     """The fields of :class:`jotlight.Calibration`, which describes them and adds its methods."""
 
-    dark_counts: Map
-    mask: Flags
-    hot: Flags
-    dead: Flags
+    dark_counts: Image
+    mask: Mask
+    hot: Mask
+    dead: Mask
     threshold: int
     false_positive_rate: float
     max_dark: float
     bulk: Bulk
     hot_threshold: int
     hot_probability: float
-    dark_ones: Ones
+    dark_ones: Counts
     dark_frames: int
-    efficiency: Map | None = None
+    efficiency: Image | None = None
     scale: float = 1.0
-    flat_ones: Ones | None = None
+    flat_ones: Counts | None = None
     flat_frames: int | None = None
     prnu: float | None = None
     prnu_error: float | None = None

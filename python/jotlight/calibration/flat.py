@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Pattern
 from jotlight.calibration.agreement import warn_about_dark_counts
 from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
 from jotlight.calibration.evenness import warn_about_light
-from jotlight.calibration.jot_counts import JotCounts, Rates
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.calibration.light import excess_and_slope, mean_light, median_light, window_mean
 from jotlight.calibration.outliers import OUTLIER, find_outliers
 from jotlight.calibration.prnu import measure_prnu
-from jotlight.sensing.parameters.mosaic import Pattern
 from jotlight.sensing.parameters.response import detection_density
 
 _MIN_LIGHT = 0.1
@@ -40,7 +40,7 @@ class Response:
         Standard deviation of the counting noise in the response of one jot.
     """
 
-    relative: Rates
+    relative: Array
     dead: npt.NDArray[np.bool_]
     prnu: float
     prnu_error: float
@@ -131,8 +131,8 @@ def _check_ones(full: npt.NDArray[np.bool_], frames: int) -> None:
 
 
 def shrink_response(
-    relative: Rates, noise: Rates, between: float, outliers: npt.NDArray[np.bool_]
-) -> Rates:
+    relative: Array, noise: Array, between: float, outliers: npt.NDArray[np.bool_]
+) -> Array:
     """Return responses shrunk toward 1.
 
     Parameters
@@ -148,7 +148,7 @@ def shrink_response(
 
 
 def _ordinary(
-    excess: Rates, slope: Rates, deviation: Rates, noise: Rates, known: npt.NDArray[np.bool_]
+    excess: Array, slope: Array, deviation: Array, noise: Array, known: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
     """Return the known jots that are no outliers.
 
@@ -167,8 +167,8 @@ def _ordinary(
 
 
 def _counting_noise(
-    flat: JotCounts, dark: JotCounts, light: Rates, bad: npt.NDArray[np.bool_]
-) -> Rates:
+    flat: JotCounts, dark: JotCounts, light: Array, bad: npt.NDArray[np.bool_]
+) -> Array:
     """Return the variance of L/T - P(q, d + light), estimated from the counts of each jot.
 
     The variance of L/T is exactly the mean of (L/T)(1 - L/T)/(T - 1), whatever the response is.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import as_counts, real_number, shown, whole_number
 from jotlight.interrupts import interruptible
 from jotlight.layout import image_channels
@@ -39,8 +40,6 @@ EXPONENT = 3
 A star that is a fraction a brighter than the sky at its peak is at least 0.3 a brighter at two of
 its neighbors. With this exponent, their contrast explains the star.
 """
-
-Array = npt.NDArray[np.float64]
 
 
 def check_false_positive_rate(rate: float) -> None:

@@ -3,14 +3,11 @@
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import Counts
+from jotlight.array_types import Array, Counts
 from jotlight.interrupts import interruptible
 from jotlight.sensing.parameters.response import detection_density, detection_probability
-
-Rates = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -25,11 +22,11 @@ class JotCounts:
     """q: the number of photons that make a jot report 1."""
 
     @property
-    def fractions(self) -> Rates:
+    def fractions(self) -> Array:
         """L/T of each jot."""
         return np.asarray(self.ones / self.frames)
 
-    def detections(self) -> Rates:
+    def detections(self) -> Array:
         """Return the most likely detections per frame of each jot: P⁻¹(q, L/T).
 
         For L = T, they would be infinite, so T - 1/2 replaces L.
@@ -47,7 +44,7 @@ class JotCounts:
         ]
         return np.asarray(rates, np.float64)[index].reshape(self.ones.shape)
 
-    def variance(self, rates: Rates) -> Rates:
+    def variance(self, rates: Array) -> Array:
         """Return the variance of :meth:`detections` of jots with these rates, to first order.
 
         It is p(1 - p)/T divided by the square of ∂P/∂s. Rates are clipped to those of 1/2 and

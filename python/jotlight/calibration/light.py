@@ -3,11 +3,10 @@
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
-from jotlight.calibration.jot_counts import JotCounts, Rates
+from jotlight.array_types import Array, Mask, Pattern
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.interrupts import interruptible
-from jotlight.sensing.parameters.mosaic import Pattern
 from jotlight.sensing.parameters.response import detection_density, detection_probability
 
 WINDOW = 15
@@ -21,8 +20,6 @@ _MAX_STEP = 0.5
 
 _MIN_SLOPE = 1e-12
 """Minimum sum of the slopes of jots that reveal the light."""
-
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,15 +44,15 @@ class LocalLight:
         Number of jots in the window from which the light is known.
     """
 
-    light: Rates
-    shown: Rates
-    error: Rates
-    excess: Rates
-    slope: Rates
-    neighbors: Rates
+    light: Array
+    shown: Array
+    error: Array
+    excess: Array
+    slope: Array
+    neighbors: Array
 
 
-def median_light(light: Rates, bad: Flags, filters: Pattern | None) -> Rates:
+def median_light(light: Array, bad: Mask, filters: Pattern | None) -> Array:
     """Return the median of the measured light around each jot, or among those of its filter.
 
     The light on a jot is first divided by the median light behind its filter, so that the jots of
@@ -66,7 +63,7 @@ def median_light(light: Rates, bad: Flags, filters: Pattern | None) -> Rates:
 
 
 def mean_light(
-    flat: JotCounts, dark: Rates, start: Rates, used: Flags, filters: Pattern | None
+    flat: JotCounts, dark: Array, start: Array, used: Mask, filters: Pattern | None
 ) -> LocalLight:
     """Return the light with which the jots of each window report as many ones as they do.
 
@@ -101,13 +98,13 @@ def mean_light(
     return LocalLight(light, light / passed, error, excess, slope, np.rint(window_sum(weight)))
 
 
-def window_mean(values: Rates, used: Flags) -> Rates:
+def window_mean(values: Array, used: Mask) -> Array:
     """Return the mean over the used jots of the window around each jot, or 0 without any."""
     number = np.rint(window_sum(used.astype(np.float64)))
     return np.where(number > 0, window_sum(values * used) / np.maximum(number, 1), 0.0)
 
 
-def excess_and_slope(flat: JotCounts, dark: Rates, light: Rates) -> tuple[Rates, Rates]:
+def excess_and_slope(flat: JotCounts, dark: Array, light: Array) -> tuple[Array, Array]:
     """Return the excess and the slope of each jot, as :class:`LocalLight` defines them."""
     rate = dark + light
     excess = flat.fractions - detection_probability(flat.threshold, rate)
@@ -115,8 +112,8 @@ def excess_and_slope(flat: JotCounts, dark: Rates, light: Rates) -> tuple[Rates,
 
 
 def _passed(
-    light: Rates, excess: Rates, slope: Rates, used: Flags, filters: Pattern | None
-) -> Rates:
+    light: Array, excess: Array, slope: Array, used: Mask, filters: Pattern | None
+) -> Array:
     """Return the mean light behind the filter of each jot, (H, W); 1 for a gray sensor."""
     passed = np.ones(light.shape)
     for index in () if filters is None else np.unique(filters):
@@ -127,7 +124,7 @@ def _passed(
     return passed
 
 
-def window_sum(values: Rates) -> Rates:
+def window_sum(values: Array) -> Array:
     """Return the sum over the window around each jot, which ends at the edge of the sensor."""
     from scipy.ndimage import uniform_filter
 
@@ -141,7 +138,7 @@ def _sides(shape: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(min(WINDOW, size - 1 + size % 2) for size in shape)
 
 
-def _light_behind(filters: Pattern | None, light: Rates, bad: Flags) -> Rates:
+def _light_behind(filters: Pattern | None, light: Array, bad: Mask) -> Array:
     """Return the median light behind the filter of each jot, (H, W); 1 for a gray sensor."""
     passed = np.ones(light.shape)
     if filters is None:
@@ -163,7 +160,7 @@ def _light_behind(filters: Pattern | None, light: Rates, bad: Flags) -> Rates:
     return passed
 
 
-def _local_median(light: Rates, bad: Flags) -> Rates:
+def _local_median(light: Array, bad: Mask) -> Array:
     """Return the median around each jot. The median of a first pass replaces bad jots."""
     from scipy.ndimage import median_filter
 

@@ -3,7 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.jot_counts import JotCounts, Rates
+from jotlight.array_types import Array
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.sensing.parameters.response import detection_probability
 
 OUTLIER = 4.0
@@ -18,10 +19,10 @@ _NODES = np.linspace(-6, 6, 81)
 
 def find_outliers(
     flat: JotCounts,
-    dark: Rates,
-    light: Rates,
-    relative: Rates,
-    noise: Rates,
+    dark: Array,
+    light: Array,
+    relative: Array,
+    noise: Array,
     prnu: float,
     limit: float = OUTLIER,
 ) -> npt.NDArray[np.bool_]:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.jot_counts import Rates
+from jotlight.array_types import Array
 from jotlight.calibration.light import WINDOW, LocalLight
 from jotlight.sensing.parameters.response import detection_density, detection_probability
 
@@ -18,7 +18,7 @@ _MAX_ONES = 1 - 1e-9
 
 
 def measure_prnu(
-    found: LocalLight, noise: Rates, used: npt.NDArray[np.bool_], dark: Rates, threshold: int
+    found: LocalLight, noise: Array, used: npt.NDArray[np.bool_], dark: Array, threshold: int
 ) -> tuple[float, float]:
     """Return the standard deviation of the response over jots, and its standard error.
 
@@ -103,7 +103,7 @@ def _from_counts(spread: float, light: float, dark: float, threshold: int) -> fl
     def excess(result: float) -> float:
         responses = np.maximum(1 + result * nodes, 0)
 
-        def values(log_light: float) -> Rates:
+        def values(log_light: float) -> Array:
             rates = dark + math.exp(log_light) * responses
             return np.asarray(detection_probability(threshold, rates))
 

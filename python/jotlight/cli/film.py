@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-import numpy.typing as npt
 from cyclopts import Parameter
 
+from jotlight.array_types import Image
 from jotlight.chunks import windows
 from jotlight.cli.captures.color_choice import has_colors, without_demosaicing
 from jotlight.cli.captures.jot_checks import caution_about_jots
@@ -47,8 +46,6 @@ from jotlight.sensing.data.alike_frames import repeat_exposures
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 
 def film(

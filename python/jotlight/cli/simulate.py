@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
+from jotlight.array_types import Packed
 from jotlight.checks import as_image
 from jotlight.cli.options.common_options import MOTION_PANEL, Gray, Photo, Seed, Threads, White
 from jotlight.cli.options.sensor_options import ExposureOptions
@@ -22,7 +23,7 @@ from jotlight.images.io import image_writer, read_image
 from jotlight.layout import MAX_CHANNELS
 from jotlight.output_links import follow_link
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Frames, Packed
+from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.parameters.intensity_scale import gray_levels
 from jotlight.sensing.sensor import Sensor
 

@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Packed
 from jotlight.dask.cluster import check_version
 from jotlight.dask.spans import Spans
 from jotlight.sensing.bits.bits_checks import checked_oversampling
 from jotlight.sensing.bits.channels import channel_views
-from jotlight.sensing.bits.frames import Packed
 from jotlight.sensing.bits.lazy import FrameSource
 
 if TYPE_CHECKING:

@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 from isal import isal_zlib
 
+from jotlight.array_types import Packed
 from jotlight.dask.chunk_counting import add_counts
 from jotlight.dask.spans import Spans
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Frames, Packed
+from jotlight.sensing.bits.frames import Frames
 
 _MAX_BYTES = 1 << 25
 """Number of bytes that are read and counted at a time. With fewer, the engine adds its bit planes

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Levels
 from jotlight.formats.files.safe_paths import check_inside
 from jotlight.formats.npy.archives import read_npz
 from jotlight.formats.npy.arrays import ARCHIVE_ERRORS
@@ -24,8 +25,6 @@ _RECORD = 1 + _PIXELS
 
 _MAX_OPCODES = 1_000_000
 """Maximum number of opcodes to search. An original pickle has fewer than twenty thousand."""
-
-Levels = npt.NDArray[np.uint8]
 
 
 def read_folder(folder: Path, split: str, names: Sequence[str]) -> Iterator[Levels]:

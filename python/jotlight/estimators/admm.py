@@ -7,6 +7,7 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.estimators.iterative.admm_splitting import BALANCE, Splitting
 from jotlight.estimators.iterative.convergence import (
     ConvergenceHistories,
@@ -15,10 +16,9 @@ from jotlight.estimators.iterative.convergence import (
 )
 from jotlight.estimators.iterative.image_solver import SolverInputs, solve_images
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variations
-from jotlight.sensing.data.pixel_counts import Data, Estimate
+from jotlight.sensing.data.pixel_counts import Data
 from jotlight.sensing.data.stacks import select
 from jotlight.sensing.likelihood.problem import Problem
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _MIN_LIGHT = 1e-6
@@ -41,7 +41,7 @@ def admm_tv(
     return_history: Literal[False] = ...,
     out: npt.NDArray[np.float32] | None = ...,
     threads: int | None = ...,
-) -> Estimate: ...
+) -> Image: ...
 
 
 @overload
@@ -60,7 +60,7 @@ def admm_tv(
     return_history: Literal[True],
     out: npt.NDArray[np.float32] | None = ...,
     threads: int | None = ...,
-) -> tuple[Estimate, ConvergenceHistories]: ...
+) -> tuple[Image, ConvergenceHistories]: ...
 
 
 # More than 9 parameters: each is an independent keyword of a public estimator.
@@ -79,7 +79,7 @@ def admm_tv(
     return_history: bool = False,
     out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
-) -> Estimate | tuple[Estimate, ConvergenceHistories]:
+) -> Image | tuple[Image, ConvergenceHistories]:
     """Return the image c that minimizes -ℓ(c) + λ TV(c) over [0, S].
 
     Parameters

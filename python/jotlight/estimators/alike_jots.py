@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.blur import blur
 from jotlight.estimators.readings.neighbors import (
     each_filter,
@@ -18,7 +19,6 @@ from jotlight.estimators.readings.whole_counts import carry_debts
 from jotlight.kept import kept_property
 from jotlight.sensing.likelihood.reference import Jot
 from jotlight.sensing.parameters.response import (
-    Array,
     detection_density,
     detection_probability,
     intensity_at_probability,

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import (
     as_counts,
     number_in_range,
@@ -23,7 +24,6 @@ from jotlight.interrupts import interruptible
 from jotlight.parameter_names import takes_rng
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _MAX_DETECTIONS = 5e8

@@ -5,10 +5,9 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.sensing.likelihood.operators import spread
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 _REGULARIZATION = 0.1
 """λ in :func:`inverse_taps`.

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Pattern
 from jotlight.errors import import_extra
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.parameters.mosaic import Mosaic, Pattern
-
-Values = npt.NDArray[np.float64]
+from jotlight.sensing.parameters.mosaic import Mosaic
 
 TITLES = {"menon": "Menon 2007", "differences": "color differences"}
 """The methods of demosaicing, and their titles."""
@@ -132,7 +131,7 @@ def demosaic(
     return mosaic.colors(planes, _near_weights(weights, places, usual))
 
 
-def _near_weights(weights: npt.NDArray[np.floating], places: Pattern, usual: Values) -> Values:
+def _near_weights(weights: npt.NDArray[np.floating], places: Pattern, usual: Array) -> Array:
     """Return the mean weight of the pixels of each filter around each pixel, (H, W, N).
 
     The largest one is 1. Where all are 0, they are the usual ones.
@@ -168,13 +167,13 @@ def _menon_package() -> Any:
         return import_extra("colour_demosaicing", "color", _PURPOSE, _INSTEAD)
 
 
-def _menon(values: Values, order: str) -> Values:
+def _menon(values: Array, order: str) -> Array:
     """Return the values of a Bayer mosaic behind each of the filters R, G, and B."""
     package = _menon_package()
     return np.asarray(package.demosaicing_CFA_Bayer_Menon2007(values, order), np.float64)
 
 
-def _differences(values: Values, places: Pattern, share: Values) -> Values:
+def _differences(values: Array, places: Pattern, share: Array) -> Array:
     """Return the values behind each filter, (H, W, N), from differences to the densest one."""
     densest = int(np.argmax(share))
     known = places == densest
@@ -186,7 +185,7 @@ def _differences(values: Values, places: Pattern, share: Values) -> Values:
     return planes
 
 
-def brightest_mean(values: npt.NDArray[np.floating], places: Pattern) -> Values:
+def brightest_mean(values: npt.NDArray[np.floating], places: Pattern) -> Array:
     """Return the largest of the local means of the values behind each filter, (H, W).
 
     Where pixels of some filters are saturated, the others show how bright the scene is.
@@ -201,7 +200,7 @@ def brightest_mean(values: npt.NDArray[np.floating], places: Pattern) -> Values:
     return np.asarray(np.max(means, axis=0))
 
 
-def local_mean(values: Values, known: npt.NDArray[np.bool_], spread: float) -> Values:
+def local_mean(values: Array, known: npt.NDArray[np.bool_], spread: float) -> Array:
     """Return the mean of the known values around each pixel, with Gaussian weights.
 
     Where no known pixel is near, the Gaussian is wider, up to the size of the image. Pixels that

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.checks import number_in_range, positive_number, to_array
 from jotlight.errors import needs_module
 from jotlight.estimators.vst import NOISE
@@ -31,17 +32,14 @@ def __dir__() -> list[str]:
     return __all__
 
 
-Float32Image = npt.NDArray[np.float32]
-"""An image of float32."""
-
 _MAX_SIGMA = 1000.0
 """Largest standard deviation of a Gaussian in pixels."""
 
-Denoiser = Callable[[Float32Image], npt.ArrayLike]
+Denoiser = Callable[[Image], npt.ArrayLike]
 """A function from an image (H, W) with white noise of standard deviation 1/2 to a denoised one."""
 
 
-def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float32Image]:
+def _of_each_image(denoise: Callable[..., Image]) -> Callable[..., Image]:
     """Return a denoiser of stacks and colors, which calls `denoise` for each image (H, W).
 
     Its signature and its docstring include the parameter `channel_axis`.
@@ -50,7 +48,7 @@ def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float3
     @functools.wraps(denoise)
     def denoise_all(
         image: npt.ArrayLike, *args: Any, channel_axis: int | None = None, **kwargs: Any
-    ) -> Float32Image:
+    ) -> Image:
         values = to_array("image", image)
         if values.dtype.kind not in "biuf":
             raise ValueError(f"image: expected numbers, got {values.dtype}")
@@ -68,7 +66,7 @@ def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float3
 
 @_of_each_image
 @interruptible
-def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
+def gaussian(image: Image, sigma: float = 1.5) -> Image:
     """Return the image smoothed by a Gaussian (SciPy).
 
     Parameters
@@ -93,7 +91,7 @@ def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
 
 
 @_of_each_image
-def tv(image: Float32Image, weight: float = 0.45) -> Float32Image:
+def tv(image: Image, weight: float = 0.45) -> Image:
     """Return the image denoised by total variation, with Chambolle's method (scikit-image).
 
     Parameters
@@ -127,7 +125,7 @@ def tv(image: Float32Image, weight: float = 0.45) -> Float32Image:
 
 @_of_each_image
 @interruptible
-def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
+def nlm(image: Image, strength: float = 0.7) -> Image:
     """Return the image denoised by non-local means, averages of similar patches (scikit-image).
 
     Parameters
@@ -168,7 +166,7 @@ def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
 
 @_of_each_image
 @interruptible
-def bm3d(image: Float32Image) -> Float32Image:
+def bm3d(image: Image) -> Image:
     """Return the image denoised by block matching and 3D filtering, with its authors' package.
 
     Parameters
@@ -197,7 +195,7 @@ def bm3d(image: Float32Image) -> Float32Image:
     return np.asarray(denoised[:height, :width], np.float32)
 
 
-DENOISERS: dict[str, Callable[[Float32Image], Float32Image]] = {
+DENOISERS: dict[str, Callable[[Image], Image]] = {
     "gaussian": gaussian,
     "tv": tv,
     "nlm": nlm,

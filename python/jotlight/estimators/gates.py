@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import (
     positive_number,
     refuse_masked,
@@ -22,7 +23,6 @@ from jotlight.errors import import_extra
 from jotlight.estimators.photon_counters.decays import TOLERANCE, Gates, decay_rates
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.values import numbers_from_zero
-from jotlight.sensing.parameters.response import Array
 
 __all__ = ["decay_lifetime", "gate_dataset", "gate_detections"]
 

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array, Image
 from jotlight.errors import warn
 from jotlight.estimators.alike_jots import DifferentJots, alike_fractions
 from jotlight.estimators.inpaint import inpaint_dead_pixels
@@ -15,10 +16,7 @@ from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import Jot, reference_jot
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.parameters.maps import constant_or_map
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import KERNELS, Sensor
-
-Counts = npt.NDArray[np.float32]
 
 
 def equivalent_counts(
@@ -92,7 +90,7 @@ def _counts_of_alike_jots(
     trials: float | Array,
     threads: int | None,
     pattern: npt.NDArray[np.integer] | None,
-) -> Counts:
+) -> Image:
     """Return the counts of `trials` readings of reference jots, of the shape of the counts."""
     stack = -1, *pixels.counts.shape[-2:]
     counts, own, efficiency, dark_counts = (
@@ -105,7 +103,7 @@ def _counts_of_alike_jots(
     return np.asarray(readings * fractions, np.float32).reshape(pixels.counts.shape)
 
 
-def _fill_silent_pixels(counts: Counts, pixels: PixelCounts) -> Counts:
+def _fill_silent_pixels(counts: Image, pixels: PixelCounts) -> Image:
     """Return counts whose pixels that say nothing have those of their neighbors.
 
     With 0 ones of hardly any trial, they would be taken for dark.

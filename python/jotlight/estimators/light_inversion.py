@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.interrupts import interruptible
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.parameters.response import (
-    Array,
     detection_density,
     detection_probability,
     inverse_detection_probability,

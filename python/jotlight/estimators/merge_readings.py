@@ -13,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.estimators.readings.joint_mle import regular_maximum
 from jotlight.estimators.readings.reference_sensors import MAX_TRIALS, light_share, reference_sensor
 from jotlight.sensing.bits.channels import stack_channels
@@ -20,7 +21,6 @@ from jotlight.sensing.data.pixel_counts import Data, GrayImages, gray_images, pr
 from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.maps import pixel_means
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.underflow import underflows_to_0
 

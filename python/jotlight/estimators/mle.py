@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Image
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
@@ -17,13 +18,7 @@ from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.counting import count_ones
 from jotlight.sensing.bits.values import flatten
 from jotlight.sensing.data.gray_outputs import output_of
-from jotlight.sensing.data.pixel_counts import (
-    Data,
-    Estimate,
-    GrayData,
-    gray_images,
-    prepare_data,
-)
+from jotlight.sensing.data.pixel_counts import Data, GrayData, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 _MAX_JOTS = 1 << 24
@@ -38,7 +33,7 @@ def mle(
     channel_axis: int | None = None,
     out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
-) -> Estimate:
+) -> Image:
     """Return the most likely intensity of each pixel, given only its own bits.
 
     It is ``ĉ = (K/α)(P⁻¹(q, L/n) - d)/η``, clipped to [0, S]. L of the pixel's n valid bits are 1.
@@ -140,7 +135,7 @@ dark counts, and a count does not say which jots reported 1
     return data
 
 
-def _solve_jots(bits: Sequence[Bits], sensor: Sensor, out: Estimate, threads: int | None) -> None:
+def _solve_jots(bits: Sequence[Bits], sensor: Sensor, out: Image, threads: int | None) -> None:
     """Write the solutions of the pixels' likelihood equations to `out` (N, H, W)."""
     _, height, width = out.shape
     number = max(1, _MAX_JOTS // (height * width * sensor.oversampling**2))

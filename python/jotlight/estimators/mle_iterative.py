@@ -8,6 +8,7 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image, Mask
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.iterative.convergence import (
     ConvergenceHistories,
@@ -17,16 +18,14 @@ from jotlight.estimators.iterative.convergence import (
 from jotlight.estimators.iterative.descent import (
     SOLVERS,
     Direction,
-    Mask,
     QuadraticModel,
     gradient_direction,
 )
 from jotlight.estimators.iterative.image_solver import SolverInputs, solve_images
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.data.pixel_counts import Data, Estimate
+from jotlight.sensing.data.pixel_counts import Data
 from jotlight.sensing.data.stacks import dots, each_image, replace, select
 from jotlight.sensing.likelihood.problem import Problem
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _ARMIJO = 1e-4
@@ -61,7 +60,7 @@ def mle_iterative(
     return_history: Literal[False] = ...,
     out: npt.NDArray[np.float32] | None = ...,
     threads: int | None = ...,
-) -> Estimate: ...
+) -> Image: ...
 
 
 @overload
@@ -79,7 +78,7 @@ def mle_iterative(
     return_history: Literal[True],
     out: npt.NDArray[np.float32] | None = ...,
     threads: int | None = ...,
-) -> tuple[Estimate, ConvergenceHistories]: ...
+) -> tuple[Image, ConvergenceHistories]: ...
 
 
 # More than 9 parameters: each is an independent keyword of a public estimator.
@@ -97,7 +96,7 @@ def mle_iterative(
     return_history: bool = False,
     out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
-) -> Estimate | tuple[Estimate, ConvergenceHistories]:
+) -> Image | tuple[Image, ConvergenceHistories]:
     """Return the image in [0, S] that maximizes the likelihood of all bits, for any kernel.
 
     With the box kernel, the result equals that of :func:`jotlight.mle`. A smooth kernel blurs the

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.checks import to_array
 from jotlight.estimators import vst
 from jotlight.estimators.denoise import Denoiser, resolve_denoiser
@@ -24,13 +25,7 @@ from jotlight.estimators.readings.merge_near import Merging, merge_different_jot
 from jotlight.estimators.trial_levels import count_local_trials, interpolate_levels
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.data.gray_outputs import output_of
-from jotlight.sensing.data.pixel_counts import (
-    Data,
-    Estimate,
-    GrayImages,
-    gray_images,
-    prepare_data,
-)
+from jotlight.sensing.data.pixel_counts import Data, GrayImages, gray_images, prepare_data
 from jotlight.sensing.data.stacks import each_image
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.likelihood.reference import reference_jot
@@ -48,7 +43,7 @@ def noniterative(
     inverse: str = "exact",
     out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
-) -> Estimate:
+) -> Image:
     """Return the estimate of the non-iterative method, which denoises variance-stabilized counts.
 
     Parameters
@@ -127,7 +122,7 @@ def noniterative(
     images = gray_images(data)
     output = output_of(images, sensor, out)
 
-    def run(z: Estimate) -> Estimate:
+    def run(z: Image) -> Image:
         return _run_denoiser(denoiser, z)
 
     if sensor.has_plain_bits:
@@ -146,7 +141,7 @@ def noniterative(
 
 def _denoise_counts(
     images: GrayImages, sensor: Sensor, denoise: Denoise, inverse: str, threads: int | None
-) -> Estimate:
+) -> Image:
     """Return the estimates of bits or counts, (N, H, W)."""
     images, sensor = merge_different_jots(images, sensor, threads)
     pixels = images.count(sensor, threads)
@@ -154,7 +149,7 @@ def _denoise_counts(
     largest = np.ceil([np.max(each) for each in own_trials])
     counts = equivalent_counts(pixels, reference_jot(sensor), largest, threads)
 
-    def probability_at(level: int, places: list[int]) -> Estimate:
+    def probability_at(level: int, places: list[int]) -> Image:
         factor = each_image(np.asarray(level / largest[places], np.float32), counts)
         own = np.minimum(counts[places] * factor, np.float32(level))
         denoised = denoise(vst.anscombe(own, level, threads=threads))
@@ -165,7 +160,7 @@ def _denoise_counts(
     return intensity_from_probability(probability, sensor, threads)
 
 
-def _run_denoiser(denoiser: str | Denoiser, z: Estimate) -> Estimate:
+def _run_denoiser(denoiser: str | Denoiser, z: Image) -> Image:
     """Return the denoised images (N, H, W). A function of the caller takes one at a time."""
     run = resolve_denoiser(denoiser)
     results: Any = run(z) if isinstance(denoiser, str) else [run(each) for each in z]

@@ -6,11 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Image
 from jotlight.sensing.bits.values import check_any_valid
 from jotlight.sensing.data.pixel_counts import MAX_PIXELS, PixelCounts
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
-
-Image = npt.NDArray[np.float32]
 
 LocalTrials = int | Image
 """The local trials of an image: one whole number, or a map (H, W)."""

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.checks import to_array
 from jotlight.estimators.iterative.local_information import local_information
 from jotlight.parameter_names import check_choice
@@ -19,7 +20,6 @@ from jotlight.sensing.bits.values import flatten
 from jotlight.sensing.data.stacks import each_image, image_means, image_sums
 from jotlight.sensing.likelihood.operators import differences
 from jotlight.sensing.likelihood.problem import Problem
-from jotlight.sensing.parameters.response import Array
 from jotlight.underflow import underflows_to_0
 
 __all__ = ["NORMS", "automatic_weight", "shrink", "total_variation"]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.errors import hide_warnings
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.light_inversion import (
@@ -21,14 +22,9 @@ from jotlight.estimators.mle import mle, require_bits
 from jotlight.estimators.planning.figure import draw_map
 from jotlight.layout import Layout, join
 from jotlight.notebook import card, normalize
-from jotlight.sensing.data.pixel_counts import (
-    Estimate,
-    GrayImages,
-    PixelCounts,
-)
+from jotlight.sensing.data.pixel_counts import GrayImages, PixelCounts
 from jotlight.sensing.likelihood.likelihood import Likelihood
 from jotlight.sensing.parameters.binomial import clopper_pearson
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import repeat_squares
 
@@ -254,7 +250,7 @@ def is_above(low: Array, max_intensity: float) -> npt.NDArray[np.bool_]:
 
 
 def _regular_light(
-    pixels: PixelCounts, unique: UniqueCounts, invert: LightInverse, estimate: Estimate | None
+    pixels: PixelCounts, unique: UniqueCounts, invert: LightInverse, estimate: Image | None
 ) -> Array:
     """Return the estimated light, where counts of 0 and n are moved inward by half a count.
 
@@ -270,9 +266,7 @@ def _regular_light(
     return np.clip(light, 0, pixels.sensor.max_intensity * light_per_intensity)
 
 
-def _standard_error(
-    pixels: PixelCounts, trials: Array, light: Array, threads: int | None
-) -> Estimate:
+def _standard_error(pixels: PixelCounts, trials: Array, light: Array, threads: int | None) -> Image:
     """Return (K/α) I^(-1/2) at the light (N, H, W). I is summed over the jots if they differ."""
     sensor = pixels.sensor
     side = sensor.oversampling if pixels.varies_within_pixels else 1
@@ -302,7 +296,7 @@ def _standard_error(
         return np.asarray(error.astype(np.float32))
 
 
-def _silent_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
+def _silent_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Image:
     """Return the estimate without a warning about dead pixels, because they get a flag."""
     with hide_warnings():
         return mle(images, sensor, threads=threads)

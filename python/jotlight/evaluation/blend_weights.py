@@ -3,10 +3,9 @@
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.sensing.likelihood.likelihood import Likelihood
-from jotlight.sensing.parameters.response import Array
 
 _MAX_STEPS = 50
 """Maximum number of Newton steps for the weights."""
@@ -14,10 +13,8 @@ _MAX_STEPS = 50
 _MIN_GAIN = 1e-3
 """Gain of the log-likelihood in nats below which the weights have converged."""
 
-Weights = npt.NDArray[np.float64]
 
-
-def blend_weights(likelihood: Likelihood, lights: Array, floor: float = 0.0) -> Weights:
+def blend_weights(likelihood: Likelihood, lights: Array, floor: float = 0.0) -> Array:
     """Return the weights, 0 or more with sum 1, under whose blend the bits are most likely.
 
     Newton's method finds them. Each step minimizes a quadratic function over the simplex.
@@ -63,7 +60,7 @@ def blend_weights(likelihood: Likelihood, lights: Array, floor: float = 0.0) -> 
     return weights
 
 
-def minimize_on_simplex(hessian: Array, linear: Array) -> Weights:
+def minimize_on_simplex(hessian: Array, linear: Array) -> Array:
     """Return the w ≥ 0 with sum 1 that minimizes ½ wᵀ H w + linearᵀ w, for a few variables.
 
     The minimum on every face of the simplex is computed, and the best one that lies in it is taken.

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.errors import hide_warnings
 from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.demosaicing import COLORS
@@ -22,7 +23,6 @@ from jotlight.sensing.bits.subsampling import subsample_counts
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import (
     Data,
-    Estimate,
     GrayImages,
     PixelCounts,
     gray_images,
@@ -30,7 +30,6 @@ from jotlight.sensing.data.pixel_counts import (
 )
 from jotlight.sensing.likelihood.likelihood import Likelihood
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 NAMES = "network", "total variation", "maximum likelihood"
@@ -76,7 +75,7 @@ def held_out(
     channel_axis: int | None = None,
     out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
-) -> Estimate:
+) -> Image:
     """Return the blend of networks, total variation, and maximum likelihood that suits the data.
 
     With many trials, the pixels say more than any prior, and the best method depends on the scene.
@@ -150,7 +149,7 @@ def blend(
     threads: int | None,
     *,
     is_color: bool = False,
-) -> tuple[Estimate, dict[str, float]]:
+) -> tuple[Image, dict[str, float]]:
     """Return the blends of :func:`held_out` with another network, (N, H, W), and the shares.
 
     Parameters
@@ -218,7 +217,7 @@ def smooth_kernel_reason(sensor: Sensor) -> str | None:
     )
 
 
-EstimateImages = Callable[[GrayImages], Estimate]
+EstimateImages = Callable[[GrayImages], Image]
 """A function that returns the estimates (N, H, W) of images."""
 
 
@@ -230,7 +229,7 @@ class BlendedMethod(NamedTuple):
     together: int = 1
     """Number of successive images that it estimates together."""
 
-    def places(self, weight: Estimate) -> npt.NDArray[np.intp]:
+    def places(self, weight: Image) -> npt.NDArray[np.intp]:
         """Return the places of the images (N, H, W) to estimate, those with any weight above 0."""
         used = weight.any(axis=(1, 2)).reshape(-1, self.together).any(axis=1)
         return np.flatnonzero(np.repeat(used, self.together))
@@ -238,7 +237,7 @@ class BlendedMethod(NamedTuple):
 
 def _choose_weights(
     methods: list[BlendedMethod], pixels: PixelCounts, threads: int | None
-) -> Estimate:
+) -> Image:
     """Return the weight of each method at each pixel, (M, N, H, W)."""
     sensor = pixels.sensor
     each = [pixels.select([place]) for place in range(len(pixels.counts))]
@@ -264,7 +263,7 @@ def _choose_weights(
     return np.stack(weights, axis=1)
 
 
-def used_weights(weights: Estimate) -> Estimate:
+def used_weights(weights: Image) -> Image:
     """Return weights (M, N, H, W) without methods of small weight, with the sum 1 at each pixel.
 
     A method is left out of an image if its weight is small at all pixels.
@@ -288,7 +287,7 @@ def weights_of_image(
     trials: npt.NDArray[np.int64],
     lights: Array,
     threads: int | None,
-) -> Estimate:
+) -> Image:
     """Return the weights of one image, (M, H, W), from its held-out bits.
 
     Parameters

@@ -10,6 +10,7 @@ from typing import Any, Literal, cast, overload
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.estimators.brightness import unit_scale
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_extras, check_precision_of
 from jotlight.evaluation.color.channels import (
@@ -48,8 +49,6 @@ from jotlight.sensing.data.pixel_counts import (
 )
 from jotlight.sensing.merged import is_finer
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 
 @overload

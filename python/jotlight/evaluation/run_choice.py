@@ -4,9 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
+from jotlight.array_types import Image
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_fallback
 from jotlight.evaluation.color.color_images import reconstruct_channels
 from jotlight.evaluation.held_out import blend
@@ -17,8 +15,6 @@ from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_co
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 
 class Run(NamedTuple):

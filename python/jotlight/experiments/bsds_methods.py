@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.estimators.denoise import Float32Image, bm3d
+from jotlight.array_types import Image
+from jotlight.estimators.denoise import bm3d
 from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
@@ -39,25 +40,25 @@ def methods_for(sensor: Sensor) -> list[str]:
 
 def methods_with(
     network: Network, sensor: Sensor, own: Sequence[str] = ()
-) -> dict[str, Callable[..., Float32Image]]:
+) -> dict[str, Callable[..., Image]]:
     """Return the methods for a sensor, with this network as the learned one, and the caller's.
 
     The two inverses of BM3D share one run of the denoiser.
     """
-    runs: dict[str, Callable[..., Float32Image]] = {
+    runs: dict[str, Callable[..., Image]] = {
         name: METHODS[name].run for name in methods_for(sensor)
     }
     if "noniterative-bm3d" in runs:
-        denoised: list[Float32Image] = []
+        denoised: list[Image] = []
 
-        def denoise(z: Float32Image) -> Float32Image:
+        def denoise(z: Image) -> Image:
             denoised[:] = [bm3d(z)]
             return denoised[0]
 
-        def exact(bits: Bits, sensor: Sensor, **options: Any) -> Float32Image:
+        def exact(bits: Bits, sensor: Sensor, **options: Any) -> Image:
             return noniterative(bits, sensor, denoiser=denoise, **options)
 
-        def algebraic(bits: Bits, sensor: Sensor, **options: Any) -> Float32Image:
+        def algebraic(bits: Bits, sensor: Sensor, **options: Any) -> Image:
             return noniterative(
                 bits, sensor, denoiser=lambda _: denoised[0], inverse="algebraic", **options
             )
@@ -70,7 +71,7 @@ def methods_with(
     return runs
 
 
-def crop_center(image: Float32Image, side: int | None) -> Float32Image:
+def crop_center(image: Image, side: int | None) -> Image:
     """Return the square of `side` pixels at the center, or the whole image if `side` is None."""
     if side is None:
         return image

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.datasets import bsds300, cifar10
 from jotlight.datasets.fetch import Progress
-from jotlight.estimators.denoise import Float32Image
 from jotlight.experiments.report.content import Section, Value
 
 Row = dict[str, Value]
@@ -28,12 +28,12 @@ class Data:
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder
-        self._bsds300: dict[str, tuple[list[str], list[Float32Image]]] = {}
-        self._cifar10: dict[str, Float32Image] = {}
+        self._bsds300: dict[str, tuple[list[str], list[Image]]] = {}
+        self._cifar10: dict[str, Image] = {}
 
     def bsds300(
         self, split: str, first: int | None = None, progress: Progress | None = None
-    ) -> tuple[list[str], list[Float32Image]]:
+    ) -> tuple[list[str], list[Image]]:
         """Return names, without extension, and gray images (H, W) of BSDS300."""
         if split not in self._bsds300:
             names, images = bsds300(split, self._folder, progress=progress)
@@ -43,7 +43,7 @@ class Data:
 
     def cifar10(
         self, split: str, first: int | None = None, progress: Progress | None = None
-    ) -> Float32Image:
+    ) -> Image:
         """Return gray images (N, 32, 32) of CIFAR-10."""
         if split not in self._cifar10:
             self._cifar10[split] = cifar10(split, self._folder, progress=progress)

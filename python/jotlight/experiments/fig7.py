@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
+from jotlight.array_types import Image
 from jotlight.datasets.fetch import Progress
-from jotlight.estimators.denoise import Float32Image
 from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_with
 from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import ALGEBRAIC, method_title
@@ -62,7 +62,7 @@ def parts(context: RunContext) -> list[Part]:
         learned.save(path)
         return PartResult([])
 
-    def one_image(number: int, name: str, image: Float32Image) -> Callable[[Progress], PartResult]:
+    def one_image(number: int, name: str, image: Image) -> Callable[[Progress], PartResult]:
         def run(progress: Progress) -> PartResult:
             bits = sensor.expose(image, number, threads=context.threads)
             estimates = {}
@@ -217,7 +217,7 @@ def _file(name: str, which: str) -> str:
     return f"{name}-{which.replace(':', '-')}.png"
 
 
-def _row(name: str, method: str, estimate: Float32Image, image: Float32Image) -> Row:
+def _row(name: str, method: str, estimate: Image, image: Image) -> Row:
     values = {measure: compute(estimate, image) for measure, compute in MEASURES.items()}
     return {"image": name, "method": method, **values}
 

@@ -3,8 +3,8 @@
 import itertools
 from collections.abc import Callable, Sequence
 
+from jotlight.array_types import Image
 from jotlight.datasets.fetch import Progress
-from jotlight.estimators.denoise import Float32Image
 from jotlight.estimators.mle import mle
 from jotlight.experiments.experiment import Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.report.content import Claim, Column, Curves, Table, Verdict
@@ -46,7 +46,7 @@ QUICK_SETTINGS = {
 TOLERANCE = 0.5
 """Maximum difference in dB from the paper's value that counts as reproduced."""
 
-Measure = Callable[[Callable[..., Float32Image], Sensor], float]
+Measure = Callable[[Callable[..., Image], Sensor], float]
 """A function that returns the PSNR of a method for a sensor."""
 
 
@@ -63,9 +63,7 @@ def psnr_parts(
     """
     settings = context.settings
 
-    def row(
-        bits: int, estimator: str, sigma: float | None, run: Callable[..., Float32Image]
-    ) -> Row:
+    def row(bits: int, estimator: str, sigma: float | None, run: Callable[..., Image]) -> Row:
         psnr = measure(run, paper_sensor(bits))
         return {"bits": bits, "estimator": estimator, "sigma": sigma, "psnr": psnr}
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from jotlight._engine import DEBUG_BUILD
+from jotlight.array_types import Image
 from jotlight.datasets.fetch import Progress
-from jotlight.estimators.denoise import Float32Image
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
 from jotlight.evaluation.reconstruct import reconstruct
@@ -119,7 +119,7 @@ def _bound_to_one_core() -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-_networks: dict[str, Callable[..., Float32Image]] = {}
+_networks: dict[str, Callable[..., Image]] = {}
 """The networks and own functions of a worker, loaded once so the times exclude the loading."""
 
 

@@ -7,7 +7,7 @@ from typing import Any, Self, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
+from jotlight.array_types import Counts
 from jotlight.errors import counted, warn
 from jotlight.notebook import card, normalize
 from jotlight.progress import Progress, shown_progress

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
+from jotlight.array_types import Counts, Packed
 from jotlight.formats.capture import Capture
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Packed
 from jotlight.sensing.bits.readings import Readings
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy.typing as npt
 
+from jotlight.array_types import Packed
 from jotlight.errors import counted, warn
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats.files.file_reader import FileReader
@@ -15,7 +16,7 @@ from jotlight.formats.format import FrameLayout
 from jotlight.formats.npy.compressed import Stream, measure_gzip, naming_file, open_gzip
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Frames, Packed, read_in_chunks
+from jotlight.sensing.bits.frames import Frames, read_in_chunks
 
 EXTENSIONS = (".bin", ".bin.gz")
 """Extensions of files with raw frames."""

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Packed
 from jotlight.errors import warn
 from jotlight.formats.files.file_lists import list_files, natural_sort_key
 from jotlight.formats.files.file_reader import FileReader
@@ -33,7 +34,7 @@ from jotlight.formats.raw import (
     write_raw,
 )
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Frames, Packed
+from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.parameters.provenance import Provenance
 
 FRAMES_PER_FILE = 1000

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Packed
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.file_lists import list_files
 from jotlight.formats.format import Format, FrameLayout
@@ -14,7 +15,6 @@ from jotlight.formats.frames.raw_layout import RawLayout
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.raw import OTHER_EXTENSIONS, read_raw
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Packed
 from jotlight.sensing.parameters.provenance import Provenance
 
 

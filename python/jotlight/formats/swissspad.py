@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 import jotlight._engine as engine
+from jotlight.array_types import Packed
 from jotlight.formats.files.file_lists import list_files
 from jotlight.formats.format import Format, FrameLayout, Writer
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.raw import EXTENSIONS, OTHER_EXTENSIONS, check_frame_size, read_raw, write_raw
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Packed
 from jotlight.sensing.parameters.provenance import Provenance
 
 _WIDTH = 512

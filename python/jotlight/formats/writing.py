@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path
-from jotlight.checks import Counts, refuse_masked, to_array
+from jotlight.array_types import Counts
+from jotlight.checks import refuse_masked, to_array
 from jotlight.errors import warn
 from jotlight.files import refuse_folder
 from jotlight.formats.frames.labels import make_counts_label

@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import FloatImage
 from jotlight.errors import warn
-
-FloatImage = npt.NDArray[np.floating[Any]]
-"""An image (H, W) or (H, W, 3) of floats, in any precision."""
 
 
 def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:

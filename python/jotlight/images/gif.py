@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jotlight.images.color import FloatImage, check_sides
+from jotlight.array_types import FloatImage
+from jotlight.images.color import check_sides
 from jotlight.output_files import open_output
 
 MAX_FPS = 50

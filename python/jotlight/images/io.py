@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path, pattern_advice
+from jotlight.array_types import FloatImage
 from jotlight.checks import positive_number
 from jotlight.files import refuse_folder
 from jotlight.formats.files.limits import check_claimed_size
@@ -21,7 +22,7 @@ from jotlight.formats.images.png_chunks import GRAYSCALE
 from jotlight.formats.images.png_notes import KEYWORD, read_png_note
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.npy.arrays import read_npy
-from jotlight.images.color import FloatImage, fit_channels, luma, warn_about_transparent_pixels
+from jotlight.images.color import fit_channels, luma, warn_about_transparent_pixels
 from jotlight.images.exr import check_exr, read_exr, read_exr_comments, write_exr
 from jotlight.images.png import checked_png, read_png16, write_png16
 from jotlight.images.tiff import read_tiff, write_tiff

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.images.color import FloatImage, check_sides
+from jotlight.array_types import FloatImage
+from jotlight.images.color import check_sides
 from jotlight.output_files import described_error
 
 _QUALITY = 10

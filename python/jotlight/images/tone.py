@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.images.color import FloatImage
+from jotlight.array_types import FloatImage
 from jotlight.parameter_names import check_choice
 
 PERCENTILE = 99.5

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import FloatImage
 from jotlight.checks import real_number, shown
 from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write, refuse_folder
-from jotlight.images.color import FloatImage, fit_channels
+from jotlight.images.color import fit_channels
 from jotlight.images.gif import MAX_FPS, gif_writer
 from jotlight.images.io import check_depth, image_writer
 from jotlight.images.mp4 import mp4_writer

@@ -12,12 +12,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.errors import warn
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.scoring import Template, make_blurred_template, normal_equations
 from jotlight.motion.displacements.track import Paths, Track
-
-Array = npt.NDArray[np.float64]
 
 _MIN_DEVIATION, _MIN_CLEAR = 0.5, 10.0
 """Fast motion is reported if its standard deviation exceeds this number of pixels, and its χ² that

@@ -5,20 +5,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Array32, Labels
 from jotlight.motion.tiles import TILE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Times = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.float32]
-Labels = npt.NDArray[np.uint8]
 
 _ARROWS = 12
 """Maximum number of arrows along each axis."""
 
 
-def draw_paths(axes: "Axes", times: Times, nodes: Nodes, labels: Labels, reference: float) -> None:
+def draw_paths(
+    axes: "Axes", times: Array, nodes: Array32, labels: Labels, reference: float
+) -> None:
     """Draw the mean displacement of each field that jots follow, over time.
 
     Parameters

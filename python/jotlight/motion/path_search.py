@@ -5,8 +5,8 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.motion.agreement.consistency import CLEARLY_MORE, Consistent, find_consistent
 from jotlight.motion.agreement.held_out import central_frames, held_out_likelihood
 from jotlight.motion.agreement.stricter_test import select_bits
@@ -27,8 +27,6 @@ from jotlight.motion.outlines.likelihood_gain import likelihood_gain
 from jotlight.motion.outlines.objects import MAX_OBJECTS, PARAMETERS, add_objects
 from jotlight.motion.outlines.outlines import choose_labels
 from jotlight.motion.outlines.segment_outlines import ROUNDS, add_outlines
-
-Array = npt.NDArray[np.float64]
 
 _EXPLAINED = 0.8
 """A track explains a segment if it has at least this fraction of the energy at its velocity."""

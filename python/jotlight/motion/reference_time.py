@@ -3,9 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array32
 from jotlight.motion.tiles import TILE, interpolate_at
-
-Field = npt.NDArray[np.float32]
 
 _ROUNDS = 8
 """Rounds of the fixed-point iteration that inverts a displacement."""
@@ -14,7 +13,7 @@ _FAR = np.float32(1e6)
 """Largest coordinate of an origin in pixels."""
 
 
-def move_nodes(nodes: Field, now: Field) -> Field:
+def move_nodes(nodes: Array32, now: Array32) -> Array32:
     """Return displacements (n, 2, rows, columns) as seen from a new reference time.
 
     The scene point at the new time is at x. At the old one it was at y with y + u(y, new) = x, so
@@ -32,7 +31,7 @@ def move_nodes(nodes: Field, now: Field) -> Field:
     return interpolate_at(nodes, origin) - interpolate_at(now, origin)
 
 
-def move_labels(labels: npt.NDArray[np.uint8], now: Field) -> npt.NDArray[np.uint8]:
+def move_labels(labels: npt.NDArray[np.uint8], now: Array32) -> npt.NDArray[np.uint8]:
     """Return the labels (H, W) as seen from a new reference time.
 
     Parameters
@@ -61,7 +60,7 @@ def move_labels(labels: npt.NDArray[np.uint8], now: Field) -> npt.NDArray[np.uin
     return moved
 
 
-def _origins(places: Field, now: Field) -> Field:
+def _origins(places: Array32, now: Array32) -> Array32:
     """Return the places y with y + u(y) = x for places x, (2, ...)."""
     origin = places
     for _ in range(_ROUNDS):

@@ -5,9 +5,8 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.squares import sum_squares
-
-Array = npt.NDArray[np.float64]
 
 TILE = 16
 """Width of a tile in pixels."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.checks import check_threads
 from jotlight.networks.architectures import (
     build_conditional,
@@ -22,7 +23,7 @@ from jotlight.networks.files.network_files import read_network, write_network
 from jotlight.networks.files.onnx_export import write_onnx
 from jotlight.networks.inference.conditional_inference import estimate_intensity
 from jotlight.networks.inference.engine_backed import GrayNetwork
-from jotlight.networks.inference.inference import Image, Inference
+from jotlight.networks.inference.inference import Inference
 from jotlight.networks.inference.served_sensors import check_served
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers, check_rotations, require_layers

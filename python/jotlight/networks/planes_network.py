@@ -6,9 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self, cast
 
-import numpy as np
-import numpy.typing as npt
-
+from jotlight.array_types import Image
 from jotlight.networks.conditioning import count_sets
 from jotlight.networks.description import repr_of
 from jotlight.networks.files.network_files import read_network, write_network
@@ -20,8 +18,6 @@ from jotlight.networks.planes.planes_layers import build_correction
 from jotlight.parameter_names import takes_rng
 from jotlight.seeds import random_generator
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 
 class PlanesNetwork(EngineBacked):

@@ -12,11 +12,12 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from jotlight.array_types import Integers
 from jotlight.errors import hide_warnings
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.inference.trials_map import denoise_fractions
 from jotlight.networks.network import Network
-from jotlight.sensing.bits.subsampling import LongCounts, subsample_counts
+from jotlight.sensing.bits.subsampling import subsample_counts
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import Jot, reference_jot
 from jotlight.sensing.parameters import response
@@ -142,8 +143,8 @@ class BitSplitter:
             oversampling=1, frames=self.trials, mask=None, efficiency=efficiency, dark_counts=dark
         )
         self.channels = channels
-        self.channel_trials: list[LongCounts] = []
-        self.training_bits: list[tuple[LongCounts, LongCounts]] = []
+        self.channel_trials: list[Integers] = []
+        self.training_bits: list[tuple[Integers, Integers]] = []
         self.held_out: list[Split] = []
         self.is_single = max(int(np.max(channel.trials)) for channel in channels) == 1
         """Whether no pixel has two bits, so that bits cannot be split, but hidden."""
@@ -275,8 +276,8 @@ class BitSplitter:
         return dataclasses.replace(split, planes=planes.mT if symmetry >= 4 else planes)
 
     def _input_trials(
-        self, rng: np.random.Generator, trials: LongCounts, whole: LongCounts, input_trials: int
-    ) -> LongCounts:
+        self, rng: np.random.Generator, trials: Integers, whole: Integers, input_trials: int
+    ) -> Integers:
         """Return how many of the training bits of each pixel are the input, (H, W).
 
         `whole` are the numbers of all bits, with those that are held out.
@@ -293,8 +294,8 @@ class BitSplitter:
         channel: PixelCounts,
         window: tuple[slice, slice],
         input_trials: int,
-        input_bits: tuple[LongCounts, LongCounts],
-        target: tuple[LongCounts, LongCounts],
+        input_bits: tuple[Integers, Integers],
+        target: tuple[Integers, Integers],
     ) -> Split:
         """Return a split whose input counts are scaled to `input_trials` bits or the network's K.
 
@@ -315,9 +316,7 @@ class BitSplitter:
         return Split(input_trials, self.conditional, tensor)
 
 
-def _fill(
-    rng: np.random.Generator, ones: LongCounts, trials: LongCounts
-) -> tuple[LongCounts, LongCounts]:
+def _fill(rng: np.random.Generator, ones: Integers, trials: Integers) -> tuple[Integers, Integers]:
     """Return single bits in all pixels, where those of neighbors replace the missing ones."""
     return fill_blind_spots(rng, ones, trials > 0), np.ones_like(trials)
 

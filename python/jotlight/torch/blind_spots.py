@@ -7,8 +7,8 @@ independent, so they do not predict the noise of a hidden bit.
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Integers
 from jotlight.estimators.trial_levels import fill_from_nearest
-from jotlight.sensing.bits.subsampling import LongCounts
 
 FRACTION = 0.1
 """Fraction of the pixels whose bits are hidden in a step."""
@@ -28,8 +28,8 @@ def draw_blind_spots(
 
 
 def fill_blind_spots(
-    rng: np.random.Generator, ones: LongCounts, known: npt.NDArray[np.bool_]
-) -> LongCounts:
+    rng: np.random.Generator, ones: Integers, known: npt.NDArray[np.bool_]
+) -> Integers:
     """Return bits (H, W) whose unknown pixels have the bit of a random known neighbor.
 
     The network cannot distinguish such a pixel from the others. So what it learns at hidden pixels

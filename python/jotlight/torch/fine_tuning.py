@@ -12,6 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from jotlight.array_types import Array
 from jotlight.checks import positive_number, whole_number
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
@@ -35,7 +36,7 @@ from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.images import fingerprint_images
 from jotlight.training.optimizer import State
-from jotlight.training.parameters import Vector, fingerprint_network
+from jotlight.training.parameters import fingerprint_network
 from jotlight.training.reporting import shown_steps
 
 STEPS = 500
@@ -218,7 +219,7 @@ class FineTuner(Trainer):
     ) -> None:
         super().__init__(module, settings, learning_rate, group)
         self.splitter, self.seed, self.batch, self.side = splitter, seed, batch, side
-        self.best: Vector = self.parameter_vector()
+        self.best: Array = self.parameter_vector()
         """Parameters with the lowest held-out value."""
         self.best_held_out = math.inf
         """Their negative log-likelihood of the held-out bits, in nats per bit."""

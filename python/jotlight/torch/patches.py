@@ -9,6 +9,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from jotlight.array_types import Array
 from jotlight.errors import hide_warnings
 from jotlight.networks.network import Network
 from jotlight.sensing.parameters.intensity_scale import MEANING
@@ -53,8 +54,6 @@ _EXTREME_LIGHT_RANGE = 0.002, 8.0
 
 _ERROR_EXPONENT = 0.6
 """Exponent with which the error of a good estimate grows with the error of the counts."""
-
-_Array = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,9 +133,9 @@ class Exposures(NamedTuple):
     """Exposures of the patches of a step, for a K-conditioned network."""
 
     trials: int
-    light: _Array
+    light: Array
     """Mean light of each patch's image."""
-    dark_counts: _Array
+    dark_counts: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -230,7 +229,7 @@ class PatchLoader:
         is_extreme = rng.random(self.batch_size) < self.extreme_fraction
         return np.where(is_extreme, factors, 1).astype(np.float32)
 
-    def _log_uniform(self, rng: np.random.Generator, bounds: tuple[float, float]) -> _Array:
+    def _log_uniform(self, rng: np.random.Generator, bounds: tuple[float, float]) -> Array:
         """Return a number per patch, uniform on a logarithmic scale."""
         low, high = bounds
         return np.exp(rng.uniform(math.log(low), math.log(high), self.batch_size))

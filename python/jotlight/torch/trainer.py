@@ -10,13 +10,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from jotlight.array_types import Array
 from jotlight.torch.distributed import ProcessGroup
 from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.history import History, Record
 from jotlight.training.optimizer import State
-from jotlight.training.parameters import Vector
 from jotlight.training.reporting import StepReport
 
 _MAX_GRADIENT_NORM = 0.1
@@ -179,11 +179,11 @@ class Trainer:
             )
         return self.record(step, total, norm, is_test=is_test)
 
-    def parameter_vector(self) -> Vector:
+    def parameter_vector(self) -> Array:
         """Return all trainable parameters as one vector."""
         return flatten(self.parameters)
 
-    def set_parameters(self, vector: Vector) -> None:
+    def set_parameters(self, vector: Array) -> None:
         """Set all trainable parameters."""
         with torch.no_grad():
             for parameter, values in zip(self.parameters, self.split(vector), strict=True):
@@ -249,7 +249,7 @@ class Trainer:
             start += parameter.numel()
         return float(flat[0])
 
-    def split(self, vector: Vector) -> list[Tensor]:
+    def split(self, vector: Array) -> list[Tensor]:
         """Return each parameter's part of a vector."""
         sizes = [p.numel() for p in self.parameters]
         parts = torch.from_numpy(vector).split(sizes)
@@ -277,6 +277,6 @@ def _schedule(progress: float) -> float:
     return 0.5 * (1 + math.cos(math.pi * (progress - _WARMUP) / (1 - _WARMUP)))
 
 
-def flatten(tensors: Sequence[Tensor]) -> Vector:
+def flatten(tensors: Sequence[Tensor]) -> Array:
     """Return the values of all tensors as one vector."""
     return np.asarray(torch.cat([x.detach().flatten() for x in tensors]).cpu(), np.float64)

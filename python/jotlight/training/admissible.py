@@ -8,9 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
+from jotlight.array_types import Array
 from jotlight.checks import real_number, shown
 from jotlight.networks.network import Network
-from jotlight.training.parameters import Vector, split_vector
+from jotlight.training.parameters import split_vector
 
 
 class AdmissibleSet(Protocol):
@@ -20,7 +21,7 @@ class AdmissibleSet(Protocol):
     sets, use Adam. The `repr` of a set identifies it in a checkpoint.
     """
 
-    def project(self, network: Network, vector: Vector) -> Vector:
+    def project(self, network: Network, vector: Array) -> Array:
         """Return the point of the set that is nearest to `vector`, parameters of the network."""
 
 
@@ -81,7 +82,7 @@ class SafeSet:
             raise TypeError(f"monotone: expected True or False, got {shown(self.monotone)}")
         object.__setattr__(self, "monotone", bool(self.monotone))
 
-    def project(self, network: Network, vector: Vector) -> Vector:
+    def project(self, network: Network, vector: Array) -> Array:
         """Return the nearest parameters in the set. The projection is idempotent up to rounding.
 
         Raises
@@ -119,7 +120,7 @@ class SafeSet:
         return projected
 
 
-def nearest_filter(taps: Vector, nu: float) -> Vector:
+def nearest_filter(taps: Array, nu: float) -> Array:
     """Return the nearest taps with sum 1 whose absolute values sum to at most 1 + 2ν.
 
     If the absolute values reach their bound, the positive taps sum to 1 + ν and the negative taps
@@ -136,7 +137,7 @@ def nearest_filter(taps: Vector, nu: float) -> Vector:
     return nearest_weights(taps, 1 + nu) - nearest_weights(-taps, nu)
 
 
-def nearest_weights(taps: Vector, total: float) -> Vector:
+def nearest_weights(taps: Array, total: float) -> Array:
     """Return the nearest taps that are at least 0 and sum to `total`.
 
     Examples
@@ -153,7 +154,7 @@ def nearest_weights(taps: Vector, total: float) -> Vector:
     return np.asarray(np.maximum(below - thresholds.max(), 0))
 
 
-def nearest_monotone(coefficients: Vector) -> Vector:
+def nearest_monotone(coefficients: Array) -> Array:
     """Return the nearest coefficients that never decrease.
 
     After clipping to two bounds, they are also the nearest ones within these bounds.

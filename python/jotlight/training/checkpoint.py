@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from jotlight.argument_types import as_path
+from jotlight.array_types import Array
 from jotlight.checks import whole_number
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.training.history import History
 from jotlight.training.optimizer import State
-from jotlight.training.parameters import Vector
 
 _FORMAT = "jotlight checkpoint"
 _VERSION = "1"
@@ -33,7 +33,7 @@ class Checkpoint:
 
     run: dict[str, Any]
     """Settings that identify the run, such as optimizer, seed, and a digest of the images."""
-    vector: Vector
+    vector: Array
     """Parameters before the next step."""
     state: State
     """State of the optimizer."""

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.networks.network import Network
 from jotlight.training.admissible import AdmissibleSet
-from jotlight.training.parameters import Vector, engine_layers
+from jotlight.training.parameters import engine_layers
 from jotlight.training.patches import PatchSampler
 
 _MATRIX_SIDE = 96
@@ -55,17 +56,17 @@ class Cost:
         self._admissible = admissible
         self._threads = threads
 
-    def value(self, vector: Vector) -> float:
+    def value(self, vector: Array) -> float:
         """Return ε."""
         errors, _ = engine.squared_errors(self._layers(vector), self._batch, self._threads)
         return 0.5 * float(errors.mean())
 
-    def gradient(self, vector: Vector) -> tuple[float, Vector]:
+    def gradient(self, vector: Array) -> tuple[float, Array]:
         """Return ε and ∇ε, equations (14) to (19)."""
         (errors, _), gradient = engine.gradient(self._layers(vector), self._batch, self._threads)
         return 0.5 * float(errors.mean()), gradient
 
-    def normal_equations(self, vector: Vector) -> tuple[float, Vector, npt.NDArray[np.float64]]:
+    def normal_equations(self, vector: Array) -> tuple[float, Array, npt.NDArray[np.float64]]:
         """Return ε, ∇ε, and the mean of JᵀJ over patches, with the Jacobian J of equation (15).
 
         The matrix would take about a hundred times as long as the gradient, but may be less exact.
@@ -79,7 +80,7 @@ class Cost:
         scale = pixels.mean() / max(part_pixels.mean(), 1)
         return 0.5 * float(errors.mean()), gradient, scale * matrix
 
-    def project(self, vector: Vector) -> Vector:
+    def project(self, vector: Array) -> Array:
         """Return the nearest point of 𝒜."""
         return self._admissible.project(self.network, vector)
 
@@ -94,12 +95,12 @@ class Cost:
             patches[:, last] = np.minimum(patches[:, last], patches[:, first] + _MATRIX_SIDE)
         return patches
 
-    def _layers(self, vector: Vector) -> Any:
+    def _layers(self, vector: Array) -> Any:
         return engine_layers(self.network, vector)
 
 
 def mean_psnr(
-    network: Network, vector: Vector, images: dict[str, Any], threads: int | None
+    network: Network, vector: Array, images: dict[str, Any], threads: int | None
 ) -> float:
     """Return the mean PSNR in dB, for a peak of 1; `PatchSampler.whole_images` makes `images`."""
     errors, pixels = engine.squared_errors(engine_layers(network, vector), images, threads)

@@ -6,21 +6,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.drawing import MARK, QUIET, draw_absence, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Values = npt.NDArray[np.float64]
-
 
 def draw_curves(
     all_axes: "Sequence[Axes]",
     steps: npt.NDArray[np.int64],
-    loss: Values,
-    gradient_norm: Values,
-    test_psnr: Values,
-    held_out: Values,
+    loss: Array,
+    gradient_norm: Array,
+    test_psnr: Array,
+    held_out: Array,
 ) -> None:
     """Draw the cost, the norm of its gradient, and the quality on tests or on held-out bits.
 
@@ -40,7 +39,7 @@ def draw_curves(
     _draw_curve(all_axes[2], tests[0], steps[measured], tests[1][measured], "linear")
 
 
-def _draw_curve(axes: "Axes", title: str, x: npt.NDArray[np.int64], y: Values, scale: str) -> None:
+def _draw_curve(axes: "Axes", title: str, x: npt.NDArray[np.int64], y: Array, scale: str) -> None:
 
     set_title(axes, title)
     axes.set_xlabel("step", color=QUIET)

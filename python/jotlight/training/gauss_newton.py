@@ -6,16 +6,13 @@ import dataclasses
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import positive_number
 from jotlight.interrupts import interruptible
 from jotlight.networks.network import Network
 from jotlight.training.cost import Cost
 from jotlight.training.optimizer import State, Step
-from jotlight.training.parameters import Vector
-
-Matrix = npt.NDArray[np.float64]
 
 _LINE_SEARCH_SIZES = 7
 """Number of step sizes in the line search: 1, 1/2, 1/4, and so on."""
@@ -71,7 +68,7 @@ class GaussNewton:
     def __post_init__(self) -> None:
         object.__setattr__(self, "damping", positive_number("damping", self.damping))
 
-    def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
+    def take_step(self, cost: Cost, vector: Array, state: State) -> Step:
         """Return a step toward the model's minimum, of length 0 if no length lowers the cost."""
         if vector.size > _MAX_PARAMETERS:
             raise ValueError(
@@ -99,7 +96,7 @@ class GaussNewton:
         return Step(vector + size * direction, state, loss, gradient)
 
 
-def constrained_minimum(matrix: Matrix, gradient: Vector, start: Vector, cost: Cost) -> Vector:
+def constrained_minimum(matrix: Array, gradient: Array, start: Array, cost: Cost) -> Array:
     """Return approximately the point a of 𝒜 that minimizes g·(a - a0) + ½ (a - a0)ᵀ M (a - a0).
 
     The method is ADMM with one penalty per filter bank and per spline. It converges to this point
@@ -136,7 +133,7 @@ def _parameter_groups(network: Network) -> list[tuple[slice, bool]]:
     return groups
 
 
-def _damping_matrix(network: Network, matrix: Matrix) -> Matrix:
+def _damping_matrix(network: Network, matrix: Array) -> Array:
     """Return the damping term: the norm of taps and the roughness of splines, times curvature."""
     damping = np.zeros_like(matrix)
     for group, is_spline in _parameter_groups(network):
@@ -149,6 +146,6 @@ def _damping_matrix(network: Network, matrix: Matrix) -> Matrix:
     return damping
 
 
-def _mean_curvature(matrix: Matrix, group: slice) -> float:
+def _mean_curvature(matrix: Array, group: slice) -> float:
     mean = float(np.trace(matrix[group, group])) / (group.stop - group.start)
     return float(max(mean, 1e-12))

@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.training.cost import Cost
-from jotlight.training.parameters import Vector
 
 State = dict[str, npt.NDArray[Any]]
 """Arrays that an optimizer keeps from step to step. Checkpoints store them."""
@@ -30,10 +30,10 @@ class Step:
         ∇ε at the start of the step.
     """
 
-    vector: Vector
+    vector: Array
     state: State
     loss: float
-    gradient: Vector
+    gradient: Array
 
 
 class Optimizer(Protocol):
@@ -51,5 +51,5 @@ class Optimizer(Protocol):
     def advice(self) -> str:
         """Advice in the message about a run that diverges."""
 
-    def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
+    def take_step(self, cost: Cost, vector: Array, state: State) -> Step:
         """Return the result of the next step. The state is empty in the first step."""

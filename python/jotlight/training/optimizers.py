@@ -8,13 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from jotlight.array_types import Array
 from jotlight.checks import positive_number, real_number, shown
 from jotlight.networks.network import Network
 from jotlight.parameter_names import check_choice
 from jotlight.training.cost import Cost
 from jotlight.training.gauss_newton import GaussNewton
 from jotlight.training.optimizer import Optimizer, State, Step
-from jotlight.training.parameters import Vector, split_vector
+from jotlight.training.parameters import split_vector
 
 _FILTER_RANGE = 0.2
 """Range of a tap, as a fraction of the sum of its filter. It scales Adam's steps."""
@@ -40,7 +41,7 @@ class ProjectedGradient:
         rate = positive_number("learning_rate", self.learning_rate)
         object.__setattr__(self, "learning_rate", rate)
 
-    def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
+    def take_step(self, cost: Cost, vector: Array, state: State) -> Step:
         """Return a step against the gradient, projected onto 𝒜."""
         loss, gradient = cost.gradient(vector)
         return Step(cost.project(vector - self.learning_rate * gradient), {}, loss, gradient)
@@ -80,7 +81,7 @@ class Adam:
             raise ValueError(f"betas: expected two numbers in [0, 1), got {shown(self.betas)}")
         object.__setattr__(self, "betas", betas)
 
-    def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
+    def take_step(self, cost: Cost, vector: Array, state: State) -> Step:
         """Return a step against the mean gradient divided by its root mean square."""
         loss, gradient = cost.gradient(vector)
         zero = np.zeros_like(vector)
@@ -98,7 +99,7 @@ class Adam:
         return Step(cost.project(vector - step), {"mean": mean, "square": square}, loss, gradient)
 
 
-def _parameter_ranges(network: Network) -> Vector:
+def _parameter_ranges(network: Network) -> Array:
     """Return the range of each parameter; that of coefficients is the next splines' domain."""
     ranges = np.empty(sum(layer.parameter_count for layer in network.layers))
     for index, (filters, coefficients) in enumerate(split_vector(network, ranges)):

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.networks.network import Network
 
-Vector = npt.NDArray[np.float64]
 
-
-def parameter_vector(network: Network) -> Vector:
+def parameter_vector(network: Network) -> Array:
     """Return the parameters, layer by layer: the filters, then the spline coefficients.
 
     Examples
@@ -33,7 +32,7 @@ def parameter_vector(network: Network) -> Vector:
     return np.concatenate(arrays).astype(np.float64)
 
 
-def split_vector(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vector]]:
+def split_vector(network: Network, vector: Array) -> Iterator[tuple[Array, Array]]:
     """Yield each layer's filters and spline coefficients as views of the vector.
 
     Raises
@@ -52,7 +51,7 @@ def split_vector(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vec
         raise ValueError(f"vector: expected {start} parameters, got {vector.size}")
 
 
-def with_parameters(network: Network, vector: Vector) -> Network:
+def with_parameters(network: Network, vector: Array) -> Network:
     """Return the network with the parameters in the vector."""
     layers = [
         dataclasses.replace(
@@ -67,7 +66,7 @@ def with_parameters(network: Network, vector: Vector) -> Network:
     return Network(layers, network.sensor, network.history)
 
 
-def engine_layers(network: Network, vector: Vector, dtype: npt.DTypeLike = np.float32) -> list[Any]:
+def engine_layers(network: Network, vector: Array, dtype: npt.DTypeLike = np.float32) -> list[Any]:
     """Return the engine's description of the layers: float32 for training, float64 for checks."""
     return [
         layer.to_engine(

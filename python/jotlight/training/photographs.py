@@ -11,18 +11,13 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Levels
 from jotlight.errors import warn
 from jotlight.images.color import luma
 from jotlight.images.io import read_image
 from jotlight.progress import Progress, shown_progress
 from jotlight.training.images import describe_smallest
 from jotlight.training.patch_sources import Patch, PatchSource, apply_symmetry
-
-Planes = npt.NDArray[np.uint8]
-"""Planes of a photograph, (P, H, W): luma alone, or luma, red, green, and blue."""
-
-Means = npt.NDArray[np.float64]
-"""Mean intensity of each plane, display-encoded and linear, (2, P)."""
 
 _LEVELS = np.arange(256) / 255
 _ENCODED = _LEVELS.astype(np.float32)
@@ -100,7 +95,7 @@ class PhotographPatches(PatchSource):
         """Return the number of photographs."""
         return len(self.photographs)
 
-    def _photograph(self, index: int) -> tuple[Planes, Means]:
+    def _photograph(self, index: int) -> tuple[Levels, Array]:
         """Return the planes of a photograph, and their mean intensities."""
         return self.photographs[index], self._means[index]
 
@@ -128,7 +123,7 @@ class PhotographPatches(PatchSource):
         return Patch(values[0], float(means[int(is_linear), plane]))
 
     def _cut(
-        self, rng: np.random.Generator, planes: Planes, side: int
+        self, rng: np.random.Generator, planes: Levels, side: int
     ) -> tuple[npt.NDArray[np.float32], bool]:
         """Return a random patch of planes, (P, side, side), and whether it is linear in light."""
         is_linear = bool(rng.random() < self.linear)
@@ -251,7 +246,7 @@ def require_photographs(photographs: object) -> None:
         raise ValueError("photographs: expected at least one, got none")
 
 
-def planes_of(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
+def planes_of(photograph: npt.NDArray[np.uint8], index: int) -> Levels:
     """Return the planes of a photograph, after checks."""
     if not isinstance(photograph, np.ndarray) or photograph.dtype != np.uint8:
         kind = getattr(photograph, "dtype", type(photograph).__name__)
@@ -271,7 +266,7 @@ def planes_of(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
     return np.ascontiguousarray(np.stack([gray, *np.moveaxis(photograph, 2, 0)]))
 
 
-def mean_intensities(planes: Planes) -> Means:
+def mean_intensities(planes: Levels) -> Array:
     """Return the mean intensity of each plane, display-encoded and linear, (2, P)."""
     histograms = [np.bincount(plane.ravel(), minlength=256) for plane in planes]
     weights = np.array(histograms).T / planes[0].size

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.array_types import Array
 from jotlight.errors import warn
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
@@ -16,11 +17,7 @@ from jotlight.training.cost import Cost, mean_psnr
 from jotlight.training.history import History, Record
 from jotlight.training.images import fingerprint_images
 from jotlight.training.optimizer import Optimizer, Step
-from jotlight.training.parameters import (
-    Vector,
-    fingerprint_network,
-    with_parameters,
-)
+from jotlight.training.parameters import fingerprint_network, with_parameters
 from jotlight.training.patches import PatchSampler
 from jotlight.training.reporting import StepReport
 
@@ -61,7 +58,7 @@ class Run:
             "seed": self.sampler.seed,
         }
 
-    def begin(self, start: Vector, checkpoint: FilePath | None, resume: bool) -> Checkpoint:
+    def begin(self, start: Array, checkpoint: FilePath | None, resume: bool) -> Checkpoint:
         """Return the state before the first step, or that of the checkpoint.
 
         Raises
@@ -87,7 +84,7 @@ class Run:
 
     def take_steps(
         self,
-        start: Vector,
+        start: Array,
         state: Checkpoint,
         checkpoint: FilePath | None,
         resume: bool,
@@ -119,7 +116,7 @@ class Run:
         return state
 
     def _take_step(
-        self, start: Vector, state: Checkpoint, resumed_from: FilePath | None
+        self, start: Array, state: Checkpoint, resumed_from: FilePath | None
     ) -> Checkpoint:
         """Return the state after the next step.
 
@@ -145,7 +142,7 @@ class Run:
         return Checkpoint(state.run, step.vector, step.state, History(records))
 
     def _check_convergence(
-        self, records: list[Record], step: Step, cost: Cost, start: Vector
+        self, records: list[Record], step: Step, cost: Cost, start: Array
     ) -> None:
         """Raise FloatingPointError when the run diverges."""
         record, optimizer = records[-1], self.optimizer
@@ -170,7 +167,7 @@ class Run:
             )
 
     def finish(
-        self, start: Vector, state: Checkpoint, sensor: Sensor, report: StepReport
+        self, start: Array, state: Checkpoint, sensor: Sensor, report: StepReport
     ) -> tuple[Network, History]:
         """Return the trained network for a sensor, and the history with a record of the result.
 
@@ -200,7 +197,7 @@ class Run:
     def _cost(self, step: int) -> Cost:
         return Cost(self.network, self.sampler, step, self.steps, self.admissible, self.threads)
 
-    def _test_psnr(self, vector: Vector) -> float | None:
+    def _test_psnr(self, vector: Array) -> float | None:
         if self.tests is None:
             return None
         return mean_psnr(self.network, vector, self.tests, self.threads)

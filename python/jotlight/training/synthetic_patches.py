@@ -5,8 +5,8 @@ import string
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.checks import number_in_range
 from jotlight.squares import repeat_squares
 from jotlight.training.patch_sources import Patch, PatchSource
@@ -21,8 +21,6 @@ _EXTREME_LEVELS = 1 / 4
 """Fraction of the levels that are black or white."""
 
 _MAX_SIDE = 4096
-
-_Canvas = npt.NDArray[np.float32]
 
 
 class SyntheticPatches(PatchSource):
@@ -78,7 +76,7 @@ def _two_levels(rng: np.random.Generator) -> tuple[float, float]:
     return _level(rng), _level(rng)
 
 
-def _projection(rng: np.random.Generator, side: int) -> _Canvas:
+def _projection(rng: np.random.Generator, side: int) -> Image:
     """Return the position of each point along a random direction, in points from the center."""
     angle = rng.uniform(0, math.pi)
     positions = np.arange(side, dtype=np.float32) - np.float32((side - 1) / 2)
@@ -86,7 +84,7 @@ def _projection(rng: np.random.Generator, side: int) -> _Canvas:
     return np.asarray(along, np.float32)
 
 
-def _draw_gradient(rng: np.random.Generator, side: int) -> _Canvas:
+def _draw_gradient(rng: np.random.Generator, side: int) -> Image:
     """Return a linear gradient between two levels, or a flat region."""
     first = _level(rng)
     last = first if rng.random() < 1 / 2 else _level(rng)
@@ -94,7 +92,7 @@ def _draw_gradient(rng: np.random.Generator, side: int) -> _Canvas:
     return np.asarray(first + (last - first) * fraction, np.float32)
 
 
-def _draw_grating(rng: np.random.Generator, side: int, longest: float = 32) -> _Canvas:
+def _draw_grating(rng: np.random.Generator, side: int, longest: float = 32) -> Image:
     """Return a sine or square wave with a period from 2 to `longest` pixels."""
     first, last = _two_levels(rng)
     period = _SUPERSAMPLING * 2 ** rng.uniform(1, math.log2(longest))
@@ -105,7 +103,7 @@ def _draw_grating(rng: np.random.Generator, side: int, longest: float = 32) -> _
     return np.asarray(first + (last - first) * (wave + 1) / 2, np.float32)
 
 
-def _draw_rings(rng: np.random.Generator, side: int) -> _Canvas:
+def _draw_rings(rng: np.random.Generator, side: int) -> Image:
     """Return a part of a zone plate: rings with up to 0.6 cycles per pixel, finer to the outside.
 
     The frequency in the middle of the patch is uniform, so fine rings are as likely as coarse ones.
@@ -122,7 +120,7 @@ def _draw_rings(rng: np.random.Generator, side: int) -> _Canvas:
     return np.asarray(first + (last - first) * (wave + 1) / 2, np.float32)
 
 
-def _draw_disks(rng: np.random.Generator, side: int) -> _Canvas:
+def _draw_disks(rng: np.random.Generator, side: int) -> Image:
     """Return overlapping disks, whose number per radius r falls as r^-3, as in photographs."""
     y, x = np.ogrid[:side, :side]
     canvas = np.full((side, side), _level(rng), np.float32)
@@ -139,7 +137,7 @@ def _draw_disks(rng: np.random.Generator, side: int) -> _Canvas:
     return canvas
 
 
-def _draw_rectangles(rng: np.random.Generator, side: int) -> _Canvas:
+def _draw_rectangles(rng: np.random.Generator, side: int) -> Image:
     """Return overlapping rectangles of one random orientation, as in buildings."""
     along = _projection(rng, side)
     across = np.rot90(along)
@@ -152,7 +150,7 @@ def _draw_rectangles(rng: np.random.Generator, side: int) -> _Canvas:
     return canvas
 
 
-def _draw_lines(rng: np.random.Generator, side: int) -> _Canvas:
+def _draw_lines(rng: np.random.Generator, side: int) -> Image:
     """Return lines of 1 to 4 pixels in width on a uniform background."""
     canvas = np.full((side, side), _level(rng), np.float32)
     for _ in range(rng.integers(1, 9)):
@@ -162,7 +160,7 @@ def _draw_lines(rng: np.random.Generator, side: int) -> _Canvas:
     return canvas
 
 
-def _draw_text(rng: np.random.Generator, side: int) -> _Canvas:
+def _draw_text(rng: np.random.Generator, side: int) -> Image:
     """Return lines of random letters and digits, 6 to 24 pixels high."""
     from PIL import Image, ImageDraw, ImageFont
 
@@ -178,12 +176,12 @@ def _draw_text(rng: np.random.Generator, side: int) -> _Canvas:
     return np.rot90(np.asarray(image, np.float32) / np.float32(255), int(rng.integers(4)))
 
 
-def _draw_fine_grating(rng: np.random.Generator, side: int) -> _Canvas:
+def _draw_fine_grating(rng: np.random.Generator, side: int) -> Image:
     """Return a sine or square wave with a period of 2 to 3.5 pixels."""
     return _draw_grating(rng, side, 3.5)
 
 
-def _draw_small_text(rng: np.random.Generator, side: int) -> _Canvas:
+def _draw_small_text(rng: np.random.Generator, side: int) -> Image:
     """Return random words in letters of 8 to 16 pixels, whose strokes follow the pixels."""
     from PIL import Image, ImageDraw, ImageFont
 
@@ -204,7 +202,7 @@ def _draw_small_text(rng: np.random.Generator, side: int) -> _Canvas:
     return repeat_squares(small, _SUPERSAMPLING)
 
 
-_DRAWINGS: tuple[Callable[[np.random.Generator, int], _Canvas], ...] = (
+_DRAWINGS: tuple[Callable[[np.random.Generator, int], Image], ...] = (
     _draw_gradient,
     _draw_grating,
     _draw_rings,

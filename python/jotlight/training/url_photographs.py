@@ -6,17 +6,11 @@ import tempfile
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from jotlight.array_types import Array, Levels
 from jotlight.formats.files.file_systems import explained, find_files, open_file_system
 from jotlight.images.io import read_image
 from jotlight.images.sets import ENDINGS
-from jotlight.training.photographs import (
-    Means,
-    PhotographPatches,
-    Planes,
-    as_levels,
-    mean_intensities,
-    planes_of,
-)
+from jotlight.training.photographs import PhotographPatches, as_levels, mean_intensities, planes_of
 
 _PHOTOGRAPHS = tuple(ending for ending in ENDINGS if ending != ".npy")
 
@@ -84,14 +78,14 @@ class UrlPhotographs(PhotographPatches):
             )
         self._set(color, linear, scaled, max_scale)
         self.max_side, self._max_bytes, self._folder = max_side, max_bytes, folder
-        self._kept: collections.OrderedDict[int, tuple[Planes, Means]] = collections.OrderedDict()
+        self._kept: collections.OrderedDict[int, tuple[Levels, Array]] = collections.OrderedDict()
         self._bytes = 0
 
     def __len__(self) -> int:
         """Return the number of photographs."""
         return len(self._files)
 
-    def _photograph(self, index: int) -> tuple[Planes, Means]:
+    def _photograph(self, index: int) -> tuple[Levels, Array]:
         if index in self._kept:
             self._kept.move_to_end(index)
             return self._kept[index]

@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Levels
 from jotlight.images.io import display_levels
 from jotlight.images.tone import CURVES, PERCENTILE, Tone
 from jotlight.view.estimate import Estimate, estimate, fraction_at
 from jotlight.view.state import COUNTS, MAX_WHITE, ViewState
 from jotlight.view.viewed import Viewable
-
-Levels = npt.NDArray[np.uint8]
 
 _MARGIN = 1e4
 """Factor between white and its limits."""

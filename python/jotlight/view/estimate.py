@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import AnyIntegers, Image
 from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice
@@ -28,9 +29,6 @@ from jotlight.view.counted import EQUIVALENT, ONES, Counted, counted_by
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Check, Viewable
 
-Image = npt.NDArray[np.float32]
-Counts = npt.NDArray[np.integer]
-
 DEMOSAICING = "differences"
 """How the planes of a mosaic become an image. It needs no extra."""
 
@@ -45,7 +43,7 @@ class Estimate:
     image: Image
     """Intensities, or for "counts" fractions of the largest possible counts. (H, W) or (H, W, C).
     """
-    counts: Counts
+    counts: AnyIntegers
     """The number of ones of each pixel, or the sum of its readings, without those of dead jots.
     After an alignment, ones along the motion. For "counts", with those of dead jots."""
     trials: float | npt.NDArray[np.float64]
@@ -110,7 +108,7 @@ def recommend(viewed: Viewable, number: int, method: str | None = None) -> Choic
     )
 
 
-def fraction_estimate(viewed: Viewable, counts: Counts, number: int) -> Estimate:
+def fraction_estimate(viewed: Viewable, counts: AnyIntegers, number: int) -> Estimate:
     """Return the counts as fractions of the largest, for display before any method has run."""
     sensor = viewed.sensor(number)
     counted = counted_by(sensor)
@@ -154,7 +152,7 @@ def estimate(
     viewed: Viewable,
     frames: range,
     method: str,
-    counts: Counts,
+    counts: AnyIntegers,
     merged: Merged | None = None,
     check: Check = lambda: None,
 ) -> Estimate:
@@ -238,8 +236,8 @@ def estimate(
 
 
 def _live_counts(
-    counts: Counts, data: Data, sensor: Sensor
-) -> tuple[Counts, npt.NDArray[np.float64]]:
+    counts: AnyIntegers, data: Data, sensor: Sensor
+) -> tuple[AnyIntegers, npt.NDArray[np.float64]]:
     """Return the counts of the jots that are not dead, and the largest possible values of them."""
     mask, side = sensor.mask, sensor.oversampling
     assert mask is not None, "the caller has checked it"

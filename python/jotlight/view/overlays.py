@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Levels
 from jotlight.calibration.hot_jots import hot_jots_of, hot_jots_unknown_reason
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
@@ -17,8 +18,6 @@ from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewable, count_frames, frame_bytes, whole_cycles
-
-Map = npt.NDArray[np.uint8]
 
 DEAD, HOT = 1, 2
 """Values of a map of jots."""
@@ -39,12 +38,12 @@ class JotMap:
     def __init__(self, viewed: Viewable) -> None:
         self._viewed = viewed
         self._lock = threading.Lock()
-        self._map: Map | None = None
+        self._map: Levels | None = None
         self._note = ""
         self.is_searched = False
         """Whether hot jots have been searched."""
 
-    def find(self) -> tuple[Map, str]:
+    def find(self) -> tuple[Levels, str]:
         """Return a map of the jots, with 1 for dead and 2 for hot ones, and how it was found."""
         with self._lock:
             if self._map is None:
@@ -55,7 +54,7 @@ class JotMap:
             return self._map, self._note
 
 
-def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Map, str]:
+def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Levels, str]:
     """Return a map of the jots, and how it was found, unless there is a reason against a search."""
     frames = viewed.frames[: whole_cycles(viewed, _MAX_BYTES // frame_bytes(viewed))]
     sensor = viewed.sensor(len(frames))
@@ -80,7 +79,7 @@ def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Map, str]:
     return found, note
 
 
-def find_saturated(estimate: Estimate) -> Map:
+def find_saturated(estimate: Estimate) -> Levels:
     """Return 1 for the pixels whose bits are all 1, or whose readings are all the largest one.
 
     Raises
@@ -139,7 +138,7 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
     ).standard_error
 
 
-def error_levels(error: npt.NDArray[np.float32]) -> tuple[Map, dict[str, Any]]:
+def error_levels(error: npt.NDArray[np.float32]) -> tuple[Levels, dict[str, Any]]:
     """Return standard errors in 255 levels, and the error of the highest level.
 
     Of colors, the largest error counts. Pixels without data have the highest level.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import AnyIntegers
 from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.sensing.merged import Merged
@@ -17,7 +18,7 @@ from jotlight.view.estimate import Estimate, choose, estimate, fraction_estimate
 from jotlight.view.messages import encode
 from jotlight.view.notes import collected
 from jotlight.view.overlays import error_levels, find_errors, find_saturated
-from jotlight.view.running_counts import Counts, RunningCounts
+from jotlight.view.running_counts import RunningCounts
 from jotlight.view.state import COUNTS, ViewState
 from jotlight.view.viewed import (
     MAX_BRIEF_BYTES,
@@ -83,12 +84,12 @@ class Pipeline:
         made = fraction_estimate(self.viewed, count_frames(self.viewed, sample), number)
         return self._image_message(request, made, "sample", time.perf_counter())
 
-    def count(self, request: ImageRequest, methods: list[str]) -> tuple[Counts, bytes | None]:
+    def count(self, request: ImageRequest, methods: list[str]) -> tuple[AnyIntegers, bytes | None]:
         """Return the counts of the window of a request, and an image by the first method."""
         counts = self._running.move(request.state.span, request.check)
         return counts, self.preview(request, counts, methods[0]) if methods else None
 
-    def preview(self, request: ImageRequest, counts: Counts, method: str) -> bytes:
+    def preview(self, request: ImageRequest, counts: AnyIntegers, method: str) -> bytes:
         """Return an image of the counts, or of maximum likelihood, that is refined later."""
         start = time.perf_counter()
         with collected() as notes:
@@ -97,7 +98,7 @@ class Pipeline:
         stage = "final" if is_last else method
         return self._image_message(request, made, stage, start, notes)
 
-    def refine(self, request: ImageRequest, counts: Counts) -> bytes:
+    def refine(self, request: ImageRequest, counts: AnyIntegers) -> bytes:
         """Return the image of the chosen method, aligned or compared if the state says so."""
         state, start = request.state, time.perf_counter()
         with collected() as notes:

@@ -1,11 +1,7 @@
 """The counts of a window that moves: a running sum."""
 
-import numpy as np
-import numpy.typing as npt
-
+from jotlight.array_types import AnyIntegers
 from jotlight.view.viewed import Check, FramesGoneError, Viewable, count_frames
-
-Counts = npt.NDArray[np.integer]
 
 
 class RunningCounts:
@@ -29,7 +25,7 @@ class RunningCounts:
     def __init__(self, viewed: Viewable) -> None:
         self._viewed = viewed
         self._frames = range(0)
-        self._counts: Counts | None = None
+        self._counts: AnyIntegers | None = None
         self.counted = 0
         """Number of frames that were read."""
 
@@ -39,7 +35,7 @@ class RunningCounts:
         changed = sum(map(len, (*entering, *leaving)))
         return len(frames) if self._counts is None else min(changed, len(frames))
 
-    def move(self, frames: range, check: Check = lambda: None) -> Counts:
+    def move(self, frames: range, check: Check = lambda: None) -> AnyIntegers:
         """Return the counts of a window of frames. The array never changes later.
 
         Raises
@@ -59,7 +55,7 @@ class RunningCounts:
         self._frames, self._counts = frames, total
         return total
 
-    def _update(self, total: Counts, frames: range, check: Check) -> Counts:
+    def _update(self, total: AnyIntegers, frames: range, check: Check) -> AnyIntegers:
         entering, leaving = _changes(self._frames, frames)
         for part in entering:
             total += self._count(part, check)
@@ -67,7 +63,7 @@ class RunningCounts:
             total -= self._count(part, check)
         return total
 
-    def _count(self, frames: range, check: Check) -> Counts:
+    def _count(self, frames: range, check: Check) -> AnyIntegers:
         check()
         self.counted += len(frames)
         return count_frames(self._viewed, frames, check)

@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any, TypeVar
 
+from jotlight.array_types import AnyIntegers
 from jotlight.errors import error_message
 from jotlight.view.facts import describe_capture
 from jotlight.view.messages import decode_request, encode
 from jotlight.view.pipeline import MAX_KEEPING_UP, ImageRequest, Pipeline, is_quick
 from jotlight.view.recipe import recipe
-from jotlight.view.running_counts import Counts
 from jotlight.view.state import COUNTS, ViewState, parse_probe
 from jotlight.view.viewed import CancelledError
 from jotlight.view.workshop import Workshop
@@ -62,7 +62,7 @@ class Session:
         self._pipeline = Pipeline(workshop)
         self._newest: ImageRequest | None = None
         self._has_request = asyncio.Event()
-        self._job: tuple[ImageRequest, Counts] | None = None
+        self._job: tuple[ImageRequest, AnyIntegers] | None = None
         self._has_job = asyncio.Event()
         self._refining: ImageRequest | None = None
         self._counting: ImageRequest | None = None

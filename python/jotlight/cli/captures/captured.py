@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Self
 
+from jotlight.array_types import Counts
 from jotlight.calibration import Calibration
 from jotlight.calibration.stated_sensor import stated_sensor
-from jotlight.checks import Counts
 from jotlight.chunks import windows
 from jotlight.cli.terminal.console import progress
 from jotlight.errors import counted

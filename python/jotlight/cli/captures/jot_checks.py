@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from jotlight.array_types import Counts
 from jotlight.calibration import find_periodic_rates
 from jotlight.calibration.agreement import describe_conflict
 from jotlight.calibration.hot_jots import (
@@ -12,7 +13,6 @@ from jotlight.calibration.hot_jots import (
     hot_jots_unknown_reason,
 )
 from jotlight.calibration.jot_counts import JotCounts
-from jotlight.checks import Counts
 from jotlight.cli.captures.captured import Captured
 from jotlight.cli.terminal.console import caution, progress
 from jotlight.errors import PeriodicRatesWarning, counted, warn

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Mask
 from jotlight.calibration.hot_jots import hot_jots_unknown_reason
 from jotlight.cli.captures.jot_checks import jot_remarks
 from jotlight.cli.terminal.console import progress
@@ -11,9 +12,6 @@ from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.sensor import Sensor
-
-Mask = npt.NDArray[np.bool_]
-"""True marks a dead jot, (H, W)."""
 
 
 def notes(capture: Capture) -> list[tuple[str, str]]:

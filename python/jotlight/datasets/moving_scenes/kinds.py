@@ -3,13 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.datasets.moving_scenes.paths import Path, random_shifts
 from jotlight.datasets.moving_scenes.planes import Outline, Plane, Waves
 from jotlight.datasets.moving_scenes.textures import Texture
-
-Array = npt.NDArray[np.float64]
 
 Maker = Callable[[Texture, Texture, int, np.random.Generator], list[Plane]]
 """A function of the textures of background and foreground, the number of frames, and a generator.

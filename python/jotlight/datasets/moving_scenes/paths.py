@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from jotlight.array_types import Array
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,10 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.datasets.moving_scenes.paths import Path
 from jotlight.datasets.moving_scenes.textures import Texture
-
-Array = npt.NDArray[np.float64]
 
 Outline = Callable[[Array], Array]
 """A function that returns the opacity, from 0 to 1, of points (2, ...) of a plane."""

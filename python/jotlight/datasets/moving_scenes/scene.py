@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import as_image, number_in_range, whole_number_in_range
 from jotlight.datasets.moving_scenes.drawn_frames import drawn_once
 from jotlight.datasets.moving_scenes.kinds import MOTIONS
@@ -24,8 +25,6 @@ from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.parameters.intensity_scale import MEANING, warn_about_scale
 from jotlight.sensing.sensor import Sensor
-
-Array = npt.NDArray[np.float64]
 
 _MAX_HIDDEN = 0.1
 """Maximum opacity of the planes in front of a visible point."""

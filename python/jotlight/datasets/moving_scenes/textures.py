@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from jotlight.array_types import Array
 
 _BLUR = 0.6
 """Standard deviation in pixels of the blur that prevents aliasing when a photograph moves."""

@@ -9,12 +9,12 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.estimators.iterative.admm_terms import BoxTerm, DataTerm, SplittingTerm, VariationTerm
 from jotlight.estimators.iterative.linear_solver import NormalEquations
 from jotlight.sensing.data.stacks import dots, each_image, image_means, select
 from jotlight.sensing.likelihood.operators import Scaling
 from jotlight.sensing.likelihood.problem import Problem
-from jotlight.sensing.parameters.response import Array
 
 INITIAL_PENALTY = 6.0
 """The initial penalty of the differences, in units of the weight over the mean intensity."""

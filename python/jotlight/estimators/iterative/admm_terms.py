@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.sensing.bits.values import flatten
 from jotlight.sensing.data.stacks import dots, each_image, image_means, select
 from jotlight.sensing.likelihood.operators import differences
 from jotlight.sensing.likelihood.problem import Problem
-from jotlight.sensing.parameters.response import Array
 
 _RELAXATION = 1.7
 """The over-relaxation. Eckstein and Bertsekas (1992) recommend 1.5 to 1.8."""

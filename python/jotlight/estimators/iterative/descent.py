@@ -4,14 +4,10 @@ import copy
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array, Mask
 from jotlight.sensing.data.stacks import are_all, dots, each_image, replace, select
 from jotlight.sensing.likelihood.problem import Problem
-from jotlight.sensing.parameters.response import Array
-
-Mask = npt.NDArray[np.bool_]
-"""Which pixels of a stack, (N, ...), or which images, (N,)."""
 
 _MAX_CG_STEPS = 30
 """The maximum number of steps of conjugate gradients in Newton's method."""

@@ -6,20 +6,15 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.checks import to_array
 from jotlight.estimators.iterative.convergence import ConvergenceHistories, ConvergenceMonitor
 from jotlight.estimators.iterative.problem_building import build_problem
 from jotlight.layout import Layout
 from jotlight.sensing.bits.output_images import OutputImages
 from jotlight.sensing.data.gray_outputs import output_of
-from jotlight.sensing.data.pixel_counts import (
-    Data,
-    Estimate,
-    gray_images,
-    prepare_data,
-)
+from jotlight.sensing.data.pixel_counts import Data, gray_images, prepare_data
 from jotlight.sensing.likelihood.problem import Problem
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.underflow import underflows_to_0
 
@@ -54,7 +49,7 @@ class SolverInputs:
 @underflows_to_0
 def solve_images(
     solve: Solver, monitor: ConvergenceMonitor, inputs: SolverInputs
-) -> tuple[Estimate, ConvergenceHistories]:
+) -> tuple[Image, ConvergenceHistories]:
     """Return the solution and the history of a problem, or of each gray image of the data.
 
     Parameters

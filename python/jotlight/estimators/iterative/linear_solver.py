@@ -13,10 +13,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from jotlight.array_types import Array
 from jotlight.interrupts import interruptible
 from jotlight.sensing.data.stacks import dots, each_image
 from jotlight.sensing.likelihood.operators import Operator, Scaling, Spread, differences, spread
-from jotlight.sensing.parameters.response import Array
 
 _LARGE = 1 << 20
 """Number of values from which a cosine transform takes long enough for Ctrl-C to matter."""

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
+from jotlight.array_types import Array
 from jotlight.interrupts import interruptible
 from jotlight.sensing.data.stacks import each_image, image_sums
 from jotlight.sensing.likelihood.likelihood import Likelihood
 from jotlight.sensing.likelihood.problem import Problem
-from jotlight.sensing.parameters.response import Array, inverse_detection_probability
+from jotlight.sensing.parameters.response import inverse_detection_probability
 
 _MIN_BLUR = 2.0
 """The smallest standard deviation, in pixels, of the Gaussian for the local fraction of ones."""

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.parameters.response import Array
+from jotlight.array_types import Array
 from jotlight.underflow import underflows_to_0
 
 _MAX_STEPS = 30

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Mask
 from jotlight.estimators.merge_readings import (
     counts_of_equal_likelihood,
     linear_counts,
@@ -18,7 +19,6 @@ from jotlight.estimators.readings.neighbors import toward_own, typical_spread
 from jotlight.estimators.readings.reference_sensors import MAX_TRIALS
 from jotlight.estimators.readings.whole_counts import complete_trials, whole_counts
 from jotlight.sensing.bits.values import check_any_valid
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _STEP = 0.03
@@ -51,9 +51,6 @@ class Detector(Protocol):
     def mle(self, counts: npt.ArrayLike) -> Array: ...  # noqa: D102
     def information(self, light: npt.ArrayLike) -> Array: ...  # noqa: D102
     def score(self, counts: npt.ArrayLike, light: npt.ArrayLike) -> Array: ...  # noqa: D102
-
-
-Mask = npt.NDArray[np.bool_]
 
 
 def merge_detections(

@@ -6,11 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import AnyIntegers, Array
 from jotlight.interrupts import interruptible
-from jotlight.sensing.parameters.response import Array
 from jotlight.underflow import underflows_to_0
-
-Numbers = npt.NDArray[np.integer]
 
 _DEVIATIONS = 9
 """Sums over n contain numbers up to this many standard deviations from the mean."""
@@ -62,12 +60,12 @@ class Renewal:
         rest = 1 - (np.asarray(count, np.float64) - 1) * self.dead_time
         return np.asarray(np.where(rest > _MIN_REST, rest, 0.0))
 
-    def at_least(self, count: Numbers, rate: Array) -> Array:
+    def at_least(self, count: AnyIntegers, rate: Array) -> Array:
         """Return P(N ≥ n)."""
         tails, is_upper = self._tails(count, rate)
         return np.where(is_upper, tails, 1 - tails)
 
-    def _tails(self, count: Numbers, rate: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    def _tails(self, count: AnyIntegers, rate: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Return P(N ≥ n) or P(N < n), about the smaller one, and whether it is P(N ≥ n)."""
         from scipy.special import gammainc, gammaincc
 
@@ -79,7 +77,7 @@ class Renewal:
         return tails, is_upper
 
     @underflows_to_0
-    def probabilities(self, count: Numbers, rate: Array) -> Array:
+    def probabilities(self, count: AnyIntegers, rate: Array) -> Array:
         """Return P(N = n) for all but the last of successive numbers in the last axis."""
         tails, is_upper = self._tails(count, rate)
         own, following = tails[..., :-1], tails[..., 1:]
@@ -88,7 +86,7 @@ class Renewal:
         return np.where(is_upper[..., :-1] == is_upper[..., 1:], same, 1 - own - following)
 
     @underflows_to_0
-    def slope(self, count: Numbers, rate: Array) -> Array:
+    def slope(self, count: AnyIntegers, rate: Array) -> Array:
         """Return the derivative of P(N ≥ n) by the rate: u(n) times a Poisson probability."""
         from scipy.special import gammaln, xlogy
 
@@ -97,7 +95,7 @@ class Renewal:
         return np.asarray(np.where((count > 0) & (rest > 0), rest * np.exp(logarithm), 0.0))
 
     @underflows_to_0
-    def score(self, count: Numbers, rate: Array) -> Array:
+    def score(self, count: AnyIntegers, rate: Array) -> Array:
         """Return the derivative of log P(N = n) by the rate."""
         n, rates = np.broadcast_arrays(count, rate)
         slope = self.slope(n, rates) - self.slope(n + 1, rates)
@@ -112,7 +110,7 @@ class Renewal:
     def mean(self, rate: Array) -> Array:
         """Return the expected number of detections: the sum of P(N ≥ n) over n from 1."""
 
-        def total(count: Numbers, rates: Array) -> Array:
+        def total(count: AnyIntegers, rates: Array) -> Array:
             return np.asarray(count[:, 0] + self.at_least(count[:, 1:], rates).sum(axis=1))
 
         return self._sum(rate, total)
@@ -121,7 +119,7 @@ class Renewal:
     def information(self, rate: Array) -> Array:
         """Return the Fisher information of the number about the rate."""
 
-        def total(count: Numbers, rates: Array) -> Array:
+        def total(count: AnyIntegers, rates: Array) -> Array:
             slope = -np.diff(self.slope(count, rates), axis=1)
             probability = self.probabilities(count, rates)
             terms, usable = np.zeros(slope.shape), probability > _TINY
@@ -130,7 +128,7 @@ class Renewal:
 
         return self._sum(rate, total)
 
-    def _sum(self, rate: Array, total: Callable[[Numbers, Array], Array]) -> Array:
+    def _sum(self, rate: Array, total: Callable[[AnyIntegers, Array], Array]) -> Array:
         """Return a sum over the probable numbers of detections at each rate.
 
         `total` returns the sums, (P,), for successive numbers, (P, M), and rates, (P, 1). Numbers

@@ -4,18 +4,15 @@ import functools
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array, Integers
 from jotlight.estimators.planning.planned_estimates import PlannedEstimates, PlannedGroup
 from jotlight.sensing.likelihood.reference import reference_jot, saturation_rate
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 Setting = tuple[float, int]
 """An exposure as a fraction of the longest one, and a threshold."""
 
-Numbers = npt.NDArray[np.int64]
-"""The number of frames of each setting."""
 
 _FACTORS = 1.0, np.e, np.e**2
 """Factors between two levels of light whose readings must differ. 1 is the Fisher information."""
@@ -59,7 +56,7 @@ class FrameDivision:
         self._bounds = self._squared_snr(1.0)
         self._snr_at = functools.lru_cache(_MAX_KEPT)(self._snr_of)
 
-    def best(self, frames: int) -> Numbers:
+    def best(self, frames: int) -> Integers:
         """Return numbers of frames whose lowest quality is high.
 
         They start from linear programs, for the Fisher information and for the difference of the
@@ -78,7 +75,7 @@ class FrameDivision:
             numbers = better
         return numbers
 
-    def best_single(self, frames: int) -> Numbers:
+    def best_single(self, frames: int) -> Integers:
         """Return numbers of frames of the same setting whose lowest quality is highest."""
         best, lowest = None, -np.inf
         for index in range(len(self._settings)):
@@ -90,17 +87,17 @@ class FrameDivision:
         assert best is not None
         return best
 
-    def bound(self, numbers: Numbers) -> Array:
+    def bound(self, numbers: Integers) -> Array:
         """Return the light over the Cramér-Rao bound in dB at each level."""
         with np.errstate(divide="ignore"):  # where all readings are the largest
             return np.asarray(10 * np.log10(self._jots * (numbers @ self._bounds)))
 
-    def snr(self, numbers: Numbers) -> Array:
+    def snr(self, numbers: Integers) -> Array:
         """Return the light over the root mean square error of the estimate, in dB, (N,)."""
         key = tuple(numbers.tolist())
         return np.array([self._snr_at(key, index) for index in range(len(self._levels))])
 
-    def max_light(self, numbers: Numbers) -> float:
+    def max_light(self, numbers: Integers) -> float:
         """Return the largest estimate of light, in photons per frame of the longest exposure."""
         if self._max_light >= self._levels[-1] * (1 - 1e-9):
             return self._max_light
@@ -119,7 +116,7 @@ class FrameDivision:
         _, mse = self._estimates.bias_and_mse(readings, level, largest)
         return float(-10 * np.log10(max(mse / level**2, _PRECISION**2)))
 
-    def _quality(self, numbers: Numbers) -> Array:
+    def _quality(self, numbers: Integers) -> Array:
         """Return the SNR or its bound, whichever is lower, at each level.
 
         Saturated pixels may have a good estimate only because it is clipped. The bound says that
@@ -128,7 +125,7 @@ class FrameDivision:
         return np.minimum(self.snr(numbers), self.bound(numbers))
 
     def _lowest_quality(
-        self, numbers: Numbers, needed: float, first: list[int], stop: int | None = None
+        self, numbers: Integers, needed: float, first: list[int], stop: int | None = None
     ) -> float:
         """Return the lowest quality, or a value up to `needed` if it is not above.
 
@@ -147,7 +144,7 @@ class FrameDivision:
                 break
         return lowest
 
-    def _move_frame(self, numbers: Numbers) -> Numbers | None:
+    def _move_frame(self, numbers: Integers) -> Integers | None:
         """Return numbers of frames after the best move of one of them, or None if none helps.
 
         The moves that help most where the quality is lowest come first: they are probably the best,
@@ -190,7 +187,7 @@ class FrameDivision:
         return squares
 
 
-def _moves(numbers: Numbers) -> Iterator[Numbers]:
+def _moves(numbers: Integers) -> Iterator[Integers]:
     """Yield the numbers of frames after each move of a frame to another setting.
 
     Examples
@@ -207,7 +204,7 @@ def _moves(numbers: Numbers) -> Iterator[Numbers]:
                 yield moved
 
 
-def divide_frames(squares: Array, frames: int) -> Numbers:
+def divide_frames(squares: Array, frames: int) -> Integers:
     """Return how many frames each setting gets, so that the lowest sum of `squares` is high.
 
     Parameters
@@ -235,7 +232,7 @@ def divide_frames(squares: Array, frames: int) -> Numbers:
         b_eq=[1.0],
     )
     wanted = frames * np.clip(found.x[:-1], 0, 1)
-    numbers: Numbers = np.floor(wanted + 1e-9).astype(np.int64)
+    numbers: Integers = np.floor(wanted + 1e-9).astype(np.int64)
     for place in np.argsort(numbers - wanted)[: frames - numbers.sum()]:
         numbers[place] += 1
     return numbers

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import to_array
 from jotlight.estimators.planning.bracket_choice import FrameDivision
 from jotlight.notebook import card, table_of
@@ -18,7 +19,6 @@ from jotlight.sensing.likelihood.reference import (
     sensor_of_median_jot,
 )
 from jotlight.sensing.parameters.reading_groups import refuse_different_readings
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor
 
 _LEVELS = 49

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.drawing import MARK, QUIET, set_title
 from jotlight.errors import counted
-from jotlight.sensing.parameters.response import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

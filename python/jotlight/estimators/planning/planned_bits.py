@@ -3,10 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.sensing.likelihood.likelihood import Likelihood
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.parameters.response import (
-    Array,
     detection_probability,
     inverse_detection_probability,
 )

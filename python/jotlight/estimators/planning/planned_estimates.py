@@ -18,9 +18,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Integers
 from jotlight.kept import kept_property
 from jotlight.sensing.likelihood.multibit import ReadingLikelihood
-from jotlight.sensing.parameters.response import Array, JotResponse
+from jotlight.sensing.parameters.response import JotResponse
 from jotlight.underflow import underflows_to_0
 
 _MIN_SUMS = 1 << 12
@@ -47,7 +48,6 @@ _NEGLIGIBLE = 1e-15
 _CERTAIN = 1e-12
 """Largest probability of a reading that does not occur."""
 
-Indices = npt.NDArray[np.int64]
 
 Part = tuple[int, Array, Array]
 """The number of readings of a group, the probabilities of readings, and their scores."""
@@ -103,7 +103,7 @@ class PlannedGroup:
         rates = np.linspace(0, np.sqrt(top), _LEVELS) ** 2
         return np.maximum(rates - self.dark_counts, 0) / (self.efficiency * self.exposure)
 
-    def probabilities(self, levels: Array) -> tuple[Indices, Indices, Array]:
+    def probabilities(self, levels: Array) -> tuple[Integers, Integers, Array]:
         """Return indices of levels, readings, and their probabilities, as far as they occur."""
         highest, noise, _ = self.response
         rates = self.efficiency * self.exposure * levels + self.dark_counts
@@ -118,7 +118,7 @@ class PlannedGroup:
         readings = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes) + first[rows]
         return rows, readings, self.jot.probability(readings, self.exposure * levels[rows])
 
-    def scores(self, readings: Indices, level: float) -> Array:
+    def scores(self, readings: Integers, level: float) -> Array:
         """Return the derivatives of the log-likelihoods of readings about a level of light."""
         light = np.full(readings.size, self.exposure * level)
         each = dataclasses.replace(self.jot, sample=readings.astype(np.int32)[:, None])

@@ -33,8 +33,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import real_number, shown, whole_number
-from jotlight.sensing.parameters.response import Array
 
 _FREQUENCIES = 128
 """Number of frequencies along each half of an axis, from 0 to half a cycle per pixel."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from jotlight.array_types import Array
 from jotlight.estimators.planning.planned_estimates import PlannedEstimates, PlannedGroup
 from jotlight.sensing.likelihood.reference import reference_jot, saturation_rate
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _MAX_LIGHT = 1e7

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import number_in_range, positive_number, shown, to_array, whole_number_in_range
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.planning.figure import draw_psnr, draw_snr
@@ -18,7 +19,6 @@ from jotlight.estimators.planning.planned_readings import PlannedReadings
 from jotlight.notebook import card, table_of
 from jotlight.sensing.likelihood.reference import sensor_of_median_jot
 from jotlight.sensing.parameters.reading_groups import refuse_different_readings
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.underflow import underflows_to_0
 

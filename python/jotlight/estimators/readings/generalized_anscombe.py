@@ -10,12 +10,11 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.estimators import vst
-from jotlight.sensing.data.pixel_counts import Estimate
 from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood
 from jotlight.sensing.likelihood.multibit import ReadingLikelihood
 from jotlight.sensing.likelihood.reference import saturation_intensity
-from jotlight.sensing.parameters.response import Array
 from jotlight.underflow import underflows_to_0
 
 _GRID = 1025
@@ -96,7 +95,7 @@ def transformed_mean(cells: ReadingLikelihood, trials: int, rates: Array) -> Arr
 
 def denoise_readings(
     joint: JointLikelihood, denoise: Denoise, inverse: str, threads: int | None
-) -> Estimate:
+) -> Image:
     """Return the estimate (H, W) of the non-iterative method for readings of several bits or noise.
 
     Parameters

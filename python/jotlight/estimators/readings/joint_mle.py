@@ -3,19 +3,20 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.layout import join
-from jotlight.sensing.data.pixel_counts import Estimate, GrayImages
+from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.likelihood.joint_term import Term
 from jotlight.sensing.likelihood.multibit import ReadingLikelihood
 from jotlight.sensing.likelihood.reference import reference_jot
-from jotlight.sensing.parameters.response import Array, intensity_at_probability
+from jotlight.sensing.parameters.response import intensity_at_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.underflow import underflows_to_0
 
 
-def joint_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
+def joint_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Image:
     """Return the most likely intensity of each pixel, (N, H, W), from readings that may differ.
 
     Parameters

@@ -6,13 +6,13 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.estimators.readings.joint_mle import maximize, regular_maximum, solve_expected_total
 from jotlight.estimators.readings.pixel_kinds import PixelKind, find_kinds
 from jotlight.estimators.uncertainty import Uncertainty, is_above
 from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.parameters.binomial import clopper_pearson
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.underflow import underflows_to_0
 

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Pattern
 from jotlight.estimators.demosaicing import COLORS, brightest_mean, demosaic
 from jotlight.estimators.merge_readings import linear_counts, mean_jots, merge_joint, min_light
 from jotlight.estimators.readings.joint_mle import maximize, solve_expected_total
@@ -26,8 +27,8 @@ from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood, joint_
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.maps import pixel_means
-from jotlight.sensing.parameters.mosaic import Mosaic, Pattern
-from jotlight.sensing.parameters.response import Array, intensity_at_probability
+from jotlight.sensing.parameters.mosaic import Mosaic
+from jotlight.sensing.parameters.response import intensity_at_probability
 from jotlight.sensing.sensor import Sensor
 
 _MAP_SIGMA = 0.4

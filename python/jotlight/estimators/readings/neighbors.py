@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.estimators.merge_readings import min_light
 from jotlight.estimators.readings.joint_mle import solve_expected_total
 from jotlight.estimators.readings.reference_sensors import half_rate
 from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _SIGMA, _MIN_SIGMA, _MAX_SIGMA = 4.0, 1.0, 3.0

@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood
 from jotlight.sensing.likelihood.joint_term import Term
 from jotlight.sensing.likelihood.multibit import ReadingLikelihood, reading_distribution
-from jotlight.sensing.parameters.response import Array, detection_probability, silence_probability
+from jotlight.sensing.parameters.response import detection_probability, silence_probability
 from jotlight.underflow import underflows_to_0
 
 MAX_KINDS = 64

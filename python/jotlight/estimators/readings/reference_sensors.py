@@ -5,9 +5,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.sensing.likelihood.multibit import ReadingLikelihood
 from jotlight.sensing.likelihood.reference import reference_jot
-from jotlight.sensing.parameters.response import Array, JotResponse, inverse_detection_probability
+from jotlight.sensing.parameters.response import JotResponse, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 MAX_TRIALS = 2.0**30

@@ -4,9 +4,9 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.estimators.readings.neighbors import each_filter
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
-from jotlight.sensing.parameters.response import Array
 
 
 def diffuse(values: Array, is_known: npt.NDArray[np.bool_], threads: int | None = None) -> Array:

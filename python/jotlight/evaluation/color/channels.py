@@ -5,8 +5,8 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.errors import hide_warnings
 from jotlight.estimators.inpaint import NO_VALID_BIT
 from jotlight.evaluation.choice import OWN_NETWORK, TITLES
@@ -17,8 +17,6 @@ from jotlight.networks.color_network import ColorNetwork
 from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 
 @contextlib.contextmanager

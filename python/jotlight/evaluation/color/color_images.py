@@ -2,9 +2,7 @@
 
 import dataclasses
 
-import numpy as np
-import numpy.typing as npt
-
+from jotlight.array_types import Image
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.readings.merge_near import Merging
 from jotlight.networks.color.color_inference import estimate_channels
@@ -20,8 +18,6 @@ from jotlight.sensing.data.pixel_counts import GrayData, GrayImages, PixelCounts
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 
 def count_image(

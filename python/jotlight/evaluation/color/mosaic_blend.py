@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.errors import hide_warnings
 from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.demosaicing import demosaic
@@ -30,8 +30,6 @@ from jotlight.networks.pretrained import (
 )
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.parameters.mosaic import Mosaic
-
-Image = npt.NDArray[np.float32]
 
 
 def blend_mosaic(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.estimators.demosaicing import (
     TITLES,
     check_installed,
@@ -36,8 +37,6 @@ from jotlight.sensing.bits.output_images import OutputImages
 from jotlight.sensing.data.pixel_counts import Data, PixelCounts, gray_images, prepare_data
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 EstimatePlanes = Callable[[Any, Sensor], tuple[Image, Info]]
 """A function from the data of gray planes and their sensor to their estimates (N, h, w), and how

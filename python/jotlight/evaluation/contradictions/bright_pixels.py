@@ -13,18 +13,16 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array, Mask
 from jotlight.evaluation.contradictions.first_frames import first_frames, on_usual_grid
 from jotlight.layout import join
 from jotlight.sensing.data.pixel_counts import GrayImages, PixelCounts
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.mosaic import Mosaic
-from jotlight.sensing.parameters.response import Array, detection_probability
+from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
-
-Flags = npt.NDArray[np.bool_]
 
 _SIDE = 8
 """Side of a block, in pixels."""
@@ -57,7 +55,7 @@ class _Sums:
         """Return the results of a function of each array."""
         return type(self)(*map(function, (self.total, self.expected, self.variance)))
 
-    def are_bright(self, number: int) -> Flags:
+    def are_bright(self, number: int) -> Mask:
         """Return where a sum is too large for S, if it is one of a number of sums of an image.
 
         By Bernstein's inequality, a sum of bits or photons exceeds its expectation by t or more
@@ -67,7 +65,7 @@ class _Sums:
         excess = logarithm / 3 + np.sqrt(logarithm**2 / 9 + 2 * logarithm * self.variance)
         return np.asarray(self.total > self.expected + excess)
 
-    def bright_pixels(self, own: Flags | None = None) -> Flags:
+    def bright_pixels(self, own: Mask | None = None) -> Mask:
         """Return which pixels are bright, by themselves or with their block; all, or some."""
         sums = self if own is None else self.each(lambda values: own * values)
         blocks, (height, width) = sums.each(_sum_blocks), self.total.shape[-2:]
@@ -77,7 +75,7 @@ class _Sums:
         return np.asarray(bright if own is None else bright & own)
 
 
-def bright_pixels(images: GrayImages, sensor: Sensor, threads: int | None = None) -> Flags | None:
+def bright_pixels(images: GrayImages, sensor: Sensor, threads: int | None = None) -> Mask | None:
     """Return which pixels of gray images are brighter than S, (N, H, W).
 
     It is None where it is unknown: for equivalent counts, which do not say whether their readings
@@ -105,12 +103,12 @@ def bright_pixels(images: GrayImages, sensor: Sensor, threads: int | None = None
 
 def bright_in_first_frames(
     images: GrayImages, sensor: Sensor, threads: int | None = None
-) -> Flags | None:
+) -> Mask | None:
     """Return which pixels are brighter than S, as :func:`bright_pixels`, by the first frames."""
     return bright_pixels(*first_frames(images, sensor), threads)
 
 
-def bright_behind_mosaic(counted: Sequence[PixelCounts], mosaic: Mosaic) -> Flags:
+def bright_behind_mosaic(counted: Sequence[PixelCounts], mosaic: Mosaic) -> Mask:
     """Return which pixels of the images of a mosaic are brighter than S, (N, H, W).
 
     Pixels are compared with those behind the same filter.

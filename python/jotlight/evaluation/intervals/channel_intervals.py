@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jotlight.array_types import Image
 from jotlight.errors import hide_warnings
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.uncertainty import Uncertainty
@@ -13,7 +14,7 @@ from jotlight.evaluation.intervals.error_scale import Half, divide_bits, error_m
 from jotlight.evaluation.intervals.interval_pixels import Pixels
 from jotlight.evaluation.intervals.intervals import MIN_TRIALS
 from jotlight.layout import Layout
-from jotlight.sensing.data.pixel_counts import Estimate, GrayImages
+from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
 _SHARE = 0.85
@@ -23,7 +24,7 @@ channel."""
 
 def find_channel_intervals(
     images: GrayImages,
-    estimates: Estimate,
+    estimates: Image,
     sensor: Sensor,
     *,
     confidence_level: float,
@@ -69,7 +70,7 @@ def find_channel_intervals(
 
 def _estimate_halves(
     pixels: Sequence[Pixels], halves: Sequence[Sequence[Half]], threads: int | None
-) -> list[Estimate]:
+) -> list[Image]:
     """Return the colors from each half of the bits, (3, H, W), or none if they show no errors."""
     if min(np.median(one.trials) for one in pixels) < MIN_TRIALS:
         return []

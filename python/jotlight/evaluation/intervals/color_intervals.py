@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.errors import hide_warnings
 from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty
@@ -49,10 +50,8 @@ from jotlight.sensing.data.pixel_counts import (
 )
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.parameters.mosaic import Mosaic
-from jotlight.sensing.parameters.response import Array, detection_density
+from jotlight.sensing.parameters.response import detection_density
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 _MIN_SHARE = 0.03
 """Smallest fraction of the pixels that count for a color."""

@@ -14,10 +14,10 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.networks.inference.dim_scenes import trials_per_combined
 from jotlight.sensing.bits.subsampling import subsample_counts
 from jotlight.sensing.parameters.binomial import arcsin_root, squared_sine
-from jotlight.sensing.parameters.response import Array
 
 FILE = Path(__file__).with_name("error_scale.json")
 """The error model of gray estimates, which ``tools/calibrate_intervals.py`` writes."""

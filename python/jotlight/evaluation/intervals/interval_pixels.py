@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.estimators.trial_levels import count_local_trials
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.intervals.error_scale import (
@@ -21,12 +22,11 @@ from jotlight.evaluation.intervals.error_scale import (
 from jotlight.evaluation.intervals.known_errors import KnownErrors
 from jotlight.evaluation.intervals.unlikely import find_contradictions
 from jotlight.kept import kept_property
-from jotlight.sensing.data.pixel_counts import Estimate, PixelCounts
+from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import Jot, typical_jot
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.binomial import squared_sine, upper_tail
 from jotlight.sensing.parameters.response import (
-    Array,
     detection_density,
     detection_probability,
     intensity_at_probability,
@@ -208,7 +208,7 @@ class Pixels:
         """Whether the light of each pixel may be of any brightness: see :func:`find_unbounded`."""
         return find_unbounded(self.ones, self.trials, self.trials)
 
-    def stabilize(self, estimate: Estimate) -> Array:
+    def stabilize(self, estimate: Image) -> Array:
         """Return z of an estimate, at the typical jot."""
         return stabilize(estimate.astype(np.float64), self.sensor, *self.typical_jot)
 
@@ -231,7 +231,7 @@ class Pixels:
         (local,) = count_local_trials(counted, self.threads)
         return np.maximum(np.broadcast_to(np.asarray(local, np.float64), trials.shape), _MIN_TRIALS)
 
-    def relative_slope(self, estimate: Estimate) -> float | Array:
+    def relative_slope(self, estimate: Image) -> float | Array:
         """Return the derivative of z at a pixel's own jot with respect to z at the typical jot.
 
         It is an array (H, W), or 1.0 if all jots are alike. Its square is the ratio of what a trial
@@ -250,7 +250,7 @@ class Pixels:
         ratio = np.divide(own, typical, out=np.ones_like(own), where=typical > 0)
         return np.clip(ratio, 1 / _MAX_RATIO, _MAX_RATIO)
 
-    def errors(self, halves: Sequence[Half], estimates: Sequence[Estimate]) -> list[HalfErrors]:
+    def errors(self, halves: Sequence[Half], estimates: Sequence[Image]) -> list[HalfErrors]:
         """Return the errors of the estimates from each half, if there are any."""
         pairs = (halves, halves[::-1])
         found = []
@@ -271,7 +271,7 @@ class Pixels:
         return found
 
     def known_errors(
-        self, estimate: Estimate, halves: list[HalfErrors], model: ErrorModel
+        self, estimate: Image, halves: list[HalfErrors], model: ErrorModel
     ) -> KnownErrors:
         """Return the errors of a network's estimate, with those from the halves."""
         pixel = self._pixel_of(estimate)
@@ -294,14 +294,14 @@ class Pixels:
         unlit[places] = upper_tail(ones, trials - ones, dark) >= tail
         return unlit
 
-    def _pixel_of(self, estimate: Estimate) -> tuple[Array, Array]:
+    def _pixel_of(self, estimate: Image) -> tuple[Array, Array]:
         """Return z of a network's estimate, and the local trials."""
         slope = self.relative_slope(estimate)
         return self.stabilize(estimate), self.local_trials(self.trials, slope)
 
     def uncertainty(
         self,
-        estimate: Estimate,
+        estimate: Image,
         known: KnownErrors,
         confidence_level: float,
         unbounded: npt.NDArray[np.bool_] | None = None,

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jotlight.array_types import Image
 from jotlight.errors import hide_warnings
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.intervals.error_scale import Half, divide_bits, error_model
 from jotlight.evaluation.intervals.interval_pixels import Pixels
 from jotlight.layout import Layout
 from jotlight.networks.network import Network
-from jotlight.sensing.data.pixel_counts import Estimate, GrayImages
+from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
 MIN_TRIALS = 4
@@ -20,7 +21,7 @@ MIN_TRIALS = 4
 
 def find_intervals(
     images: GrayImages,
-    estimates: Estimate,
+    estimates: Image,
     sensor: Sensor,
     network: Network,
     *,
@@ -70,10 +71,10 @@ def estimate_halves(
     pixels: Sequence[Pixels],
     halves: Sequence[Sequence[Half]],
     threads: int | None,
-) -> list[Sequence[Estimate]]:
+) -> list[Sequence[Image]]:
     """Return the estimates from each half of the bits of images, or none if they show no errors."""
     places = [i for i, one in enumerate(pixels) if np.median(one.trials) >= MIN_TRIALS]
-    results: list[Sequence[Estimate]] = [[] for _ in pixels]
+    results: list[Sequence[Image]] = [[] for _ in pixels]
     if places:
         data = [
             pixels[place].merged(half.ones, half.trials)
@@ -87,7 +88,7 @@ def estimate_halves(
     return results
 
 
-def _quietly(network: Network, images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
+def _quietly(network: Network, images: GrayImages, sensor: Sensor, threads: int | None) -> Image:
     """Return the estimates (N, H, W) of a network without warnings, which the method issues."""
     images = dataclasses.replace(images, layout=Layout((len(images),)))
     with hide_warnings():

@@ -4,9 +4,8 @@ import dataclasses
 
 import numpy as np
 
+from jotlight.array_types import Array, Image
 from jotlight.evaluation.intervals.error_scale import ErrorModel, HalfErrors
-from jotlight.sensing.data.pixel_counts import Estimate
-from jotlight.sensing.parameters.response import Array
 
 TYPICAL_DEVIATION = 1.4
 """Root mean square of error/scale on photographs."""
@@ -19,7 +18,7 @@ _WINDOW = 7
 class KnownErrors:
     """What is known about the errors of an estimate."""
 
-    estimate: Estimate
+    estimate: Image
     """The network's estimate, (H, W), which states the class of each pixel."""
     scale: Array
     """The scale of the errors, (H, W)."""

@@ -3,9 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.checks import refuse_masked
-
-Image = npt.NDArray[np.float32]
 
 
 def read_estimate(

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.evaluation.intervals.error_scale import HalfErrors
-from jotlight.sensing.parameters.response import Array
 
 _NEIGHBORHOOD = 6.0
 """Standard deviation of the neighborhood whose held-out bits decide together, in pixels."""

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.array_types import Packed
 from jotlight.errors import ChangedFileError
 from jotlight.formats.files.remote_files import remote_file
-from jotlight.sensing.bits.frames import Packed
 
 _MIN_LARGE_PAGES = 1 << 22
 """Minimum number of bytes that are mapped with large pages. Linux reads as many at a time."""

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.sensing.bits.frames import Frames, Packed, read_in_chunks
+from jotlight.array_types import Packed
+from jotlight.sensing.bits.frames import Frames, read_in_chunks
 
 FLIPS = ("horizontal", "vertical")
 """Names of the mirrorings: left and right are exchanged, or top and bottom."""

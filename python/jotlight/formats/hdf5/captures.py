@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
+from jotlight.array_types import Counts
 from jotlight.errors import needs_module, warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture

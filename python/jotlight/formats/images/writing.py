@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
+from jotlight.array_types import Counts
 from jotlight.files import atomic_write
 from jotlight.formats.files.checksums import append_checksum
 from jotlight.formats.frames.labels import make_readings_label

@@ -12,7 +12,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
+from jotlight.array_types import Counts
 from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.magic import has_type

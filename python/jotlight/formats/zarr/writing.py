@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
+from jotlight.array_types import Counts
 from jotlight.errors import import_extra
 from jotlight.files import atomic_folder
 from jotlight.formats.frames.labeled import ATTRIBUTE, bits_label

@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Image
 from jotlight.kept import kept_property
 from jotlight.motion.counts.equivalent import equivalent_sums
 from jotlight.motion.counts.lights import BlockLights, Lights
 from jotlight.motion.counts.sums import Sums
-from jotlight.motion.displacements.disagreement import FEW_TRIALS, Image, chi_squared, disagreement
+from jotlight.motion.displacements.disagreement import FEW_TRIALS, chi_squared, disagreement
 from jotlight.motion.displacements.flicker import (
     at_brightness,
     change_of_light,

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Mask
 from jotlight.motion.agreement.consistency import Consistent
 from jotlight.motion.displacements.affine import against_others
 from jotlight.motion.displacements.deformation_prior import (
@@ -21,7 +22,6 @@ from jotlight.motion.displacements.deformation_prior import (
 from jotlight.motion.displacements.flicker import at_brightness
 from jotlight.motion.displacements.scoring import Template, normal_equations
 
-Mask = npt.NDArray[np.bool_]
 Kind = TypeVar("Kind", np.float32, np.bool_)
 
 _SIGMA = 2.0

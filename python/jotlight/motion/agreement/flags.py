@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image, Mask
 from jotlight.blur import blur
 from jotlight.motion.agreement.consistency import Consistent
 from jotlight.motion.agreement.expected_errors import (
@@ -14,13 +15,10 @@ from jotlight.motion.agreement.expected_errors import (
     may_hide_displacements,
     steep_pixels,
 )
-from jotlight.motion.displacements.disagreement import Image
 from jotlight.motion.displacements.scoring import make_template
 from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import add_squares
 from jotlight.squares import repeat_squares
-
-Mask = npt.NDArray[np.bool_]
 
 
 class _Limits(NamedTuple):

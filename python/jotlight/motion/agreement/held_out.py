@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import FloatImage
 from jotlight.motion.counts.equivalent import (
     clip_probability,
     equivalent_sums,
@@ -23,8 +24,6 @@ from jotlight.motion.displacements.track import Paths
 from jotlight.motion.labels import choose
 from jotlight.motion.tiles import interpolate
 from jotlight.networks.inference.trials_map import denoise_map
-
-Probability = npt.NDArray[np.floating]
 
 _CENTRAL, _ENOUGH_ONES = (8, 32), 100_000
 """Minimum and maximum number of frames in the middle. Every second one is held out in turn.
@@ -76,7 +75,7 @@ class Fold:
     """The sums of these frames without motion."""
     frames: list[Sums]
     """Each frame."""
-    logarithms: list[tuple[Probability, Probability]]
+    logarithms: list[tuple[FloatImage, FloatImage]]
     """The logarithms of the probabilities of a one and of a zero in each frame."""
     compared: npt.NDArray[np.bool_]
     """The pixels (H, W) whose predictions are compared."""
@@ -124,18 +123,18 @@ class Fold:
         return gain, variance**0.5
 
 
-def _sum_over_bits(sums: Sums, of_one: Probability, of_zero: Probability) -> float:
+def _sum_over_bits(sums: Sums, of_one: FloatImage, of_zero: FloatImage) -> float:
     """Return the sum of a value of each one and of each zero, which are images (H, W)."""
     return float((sums.ones * of_one + (sums.trials - sums.ones) * of_zero).sum())
 
 
-def _logarithms(sums: Sums, estimate: Probability) -> tuple[Probability, Probability]:
+def _logarithms(sums: Sums, estimate: FloatImage) -> tuple[FloatImage, FloatImage]:
     """Return the logarithms of the probabilities of a one and of a zero, (H, W)."""
     p = expected_probability(sums, estimate).astype(np.float64)
     return np.log(p), np.log(1 - p)
 
 
-def _moved(image: Probability, paths: Paths, time: float) -> Probability:
+def _moved(image: FloatImage, paths: Paths, time: float) -> FloatImage:
     """Return an image (H, W) of the reference time as it is seen at another time."""
     (index,), (place,) = locate(np.array([float(time)]), paths.blocks.centers)
     nodes = [
@@ -154,7 +153,7 @@ def _moved(image: Probability, paths: Paths, time: float) -> Probability:
     return np.asarray(image[rows, columns])
 
 
-def _estimate(sums: Sums, threads: int | None) -> Probability:
+def _estimate(sums: Sums, threads: int | None) -> FloatImage:
     """Return the probabilities that the network estimates for the median jot, (H, W)."""
     sums = equivalent_sums(sums)
     ones, trials = sums.ones.astype(np.float32), sums.trials.astype(np.float32)

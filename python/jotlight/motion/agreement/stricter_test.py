@@ -9,14 +9,13 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Mask
 from jotlight.blur import blur
 from jotlight.motion.agreement.consistency import Consistent, find_consistent
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.track import Counted
 from jotlight.motion.tiles import add_squares
 from jotlight.squares import repeat_squares
-
-Mask = npt.NDArray[np.bool_]
 
 _SPREAD, _BLOCKS = 8.0, 2.0
 """Standard deviations of the filters that average the rejected bits near a pixel of a block: in

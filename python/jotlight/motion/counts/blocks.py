@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import AnyArray
 from jotlight.kept import kept_property
 from jotlight.motion.counts.burst import Burst
 from jotlight.motion.counts.dark_frames import as_spans
 from jotlight.motion.counts.frame_times import Times, locate, places_of
 from jotlight.motion.counts.jots import Jots, SeenJots
-from jotlight.motion.counts.sums import Counts, Sums
+from jotlight.motion.counts.sums import Sums
 from jotlight.motion.tiles import TILE
 from jotlight.sensing.likelihood.reference import Jot
 
@@ -172,7 +173,7 @@ class Blocks:
         return sums
 
     def _seen_jots(
-        self, jots: Jots, trials: Counts, frames: range, fields: Fields, times: Times
+        self, jots: Jots, trials: AnyArray, frames: range, fields: Fields, times: Times
     ) -> SeenJots:
         """Return the jots that the pixels see."""
         fields = np.ascontiguousarray(fields, np.float32)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Mask
 from jotlight.formats.capture import CountStack
 from jotlight.motion.counts.dark_frames import as_spans
 from jotlight.sensing.bits.bits import Bits
@@ -20,7 +21,6 @@ from jotlight.sensing.sensor import Sensor
 Planes = list[tuple[int, npt.NDArray[np.uint8]]]
 """Weights, each with packed bits of weight 1 (T, H, ceil(W / 8)). Their weighted sum are counts."""
 
-Mask = npt.NDArray[np.bool_]
 
 _BYTES_AT_ONCE = 1 << 25
 """Maximum number of bytes of packed frames that are read at once."""

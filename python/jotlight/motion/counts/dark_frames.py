@@ -7,9 +7,8 @@ their trials.
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Mask
 from jotlight.errors import warn
-
-Frames = npt.NDArray[np.bool_]
 
 _DARK = 1 / 8
 """A frame is dark if it has less than this fraction of the mean light of all frames."""
@@ -25,7 +24,7 @@ _LISTED = 3
 """Maximum number of spans of dark frames that a warning lists."""
 
 
-def find_dark(ones: npt.NDArray[np.integer], dark_ones: float) -> Frames:
+def find_dark(ones: npt.NDArray[np.integer], dark_ones: float) -> Mask:
     """Return the frames without light, (T,). If all are without light, none is returned.
 
     Parameters
@@ -53,7 +52,7 @@ def find_dark(ones: npt.NDArray[np.integer], dark_ones: float) -> Frames:
     return np.repeat(groups < _DARK * light * lengths, lengths)
 
 
-def as_spans(frames: Frames) -> list[range]:
+def as_spans(frames: Mask) -> list[range]:
     """Return the spans of successive frames that are True.
 
     Examples

@@ -10,6 +10,7 @@ follows the brightness of the whole image is removed.
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.formats.capture import CountStack
 from jotlight.motion.counts.burst import Burst, as_burst
 from jotlight.sensing.bits.bits import Bits
@@ -18,8 +19,6 @@ from jotlight.sensing.parameters.response import (
     detection_probability,
     inverse_detection_probability,
 )
-
-Array = npt.NDArray[np.float64]
 
 THRESHOLD = 6.0
 """A scene moves if the score exceeds this number of standard deviations."""

@@ -12,7 +12,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.counts.jots import Image, Jots, SeenJots, inverse_response, response
+from jotlight.array_types import Image
+from jotlight.motion.counts.jots import Jots, SeenJots, inverse_response, response
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.tiles import add_squares
 from jotlight.squares import repeat_squares

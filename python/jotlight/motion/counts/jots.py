@@ -12,13 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Image
 from jotlight.motion.counts.lights import constant_light
 from jotlight.sensing.likelihood.reference import Jot, reference_jot
 from jotlight.sensing.parameters.response import detection_density, detection_probability
 from jotlight.sensing.sensor import Sensor
-
-Maps = npt.NDArray[np.float32]
-Image = npt.NDArray[np.float32]
 
 _MIN_RATE = np.float32(1e-4)
 """Smallest expected number of detections of a jot in a frame."""
@@ -44,7 +42,7 @@ class Jots:
 
     threshold: int
     reference: Jot
-    maps: Maps
+    maps: Image
 
     @classmethod
     def of_sensor(
@@ -120,7 +118,7 @@ class SeenJots:
     """
 
     jots: Jots
-    sums: Maps
+    sums: Image
 
     def __add__(self, other: "SeenJots") -> "SeenJots":
         return SeenJots(self.jots, self.sums + other.sums)
@@ -128,13 +126,13 @@ class SeenJots:
     def __mul__(self, factor: npt.NDArray[Any]) -> "SeenJots":
         return SeenJots(self.jots, self.sums * factor.astype(np.float32))
 
-    def mean(self, trials: npt.NDArray[Any]) -> Maps:
+    def mean(self, trials: npt.NDArray[Any]) -> Image:
         """Return the mean η and d of each pixel, (2, H, W). Without bits, the median jot's.
 
         For q = 1, the mean of d is that with which as many bits are 1 as with the various d.
         """
         number = np.where(trials > 0, trials, 1).astype(np.float32)
-        means: Maps = self.sums / number
+        means: Image = self.sums / number
         if self.jots.threshold == 1:
             means[1] = -np.log(np.maximum(1 - means[1], _MIN_COMPLEMENT))
         for values, value in zip(means, self.jots.reference, strict=True):

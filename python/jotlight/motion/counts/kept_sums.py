@@ -5,13 +5,11 @@ import functools
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.kept import kept_property
 from jotlight.motion.counts.frame_times import locate
 from jotlight.motion.counts.sums import Sums
-
-Array = npt.NDArray[np.float64]
 
 _MAX_KEPT_BYTES = 1 << 28
 """Maximum number of bytes of the sums of all blocks, up to which they are kept."""

@@ -10,13 +10,10 @@ import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.kept import kept_property
 from jotlight.sensing.parameters.response import detection_density, detection_probability
-
-Array = npt.NDArray[np.float64]
-Image = npt.NDArray[np.float32]
 
 _MIN_RATE = 1e-4
 """Smallest rate in the table of a response."""

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.estimators.merge_readings import join_channels, linear_counts
 from jotlight.estimators.readings.neighbors import average_fractions, toward_own
 from jotlight.estimators.readings.reference_sensors import (
@@ -37,7 +38,6 @@ from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.parameters.reading_groups import without_mosaic
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _TRIALS_PER_PHOTON = 4

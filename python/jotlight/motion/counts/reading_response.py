@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jotlight.array_types import Array
 from jotlight.sensing.likelihood.multibit import reading_probability
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _RATES = 1025

@@ -3,15 +3,14 @@
 import dataclasses
 import itertools
 from collections.abc import Iterable, Sequence
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import AnyArray
 from jotlight.motion.counts.jots import SeenJots
-
-Counts = npt.NDArray[Any]
 
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
@@ -37,8 +36,8 @@ class Sums:
         Sums of the efficiency and the dark counts over the bits, if the jots differ.
     """
 
-    ones: Counts
-    trials: Counts
+    ones: AnyArray
+    trials: AnyArray
     remainders: npt.NDArray[np.float32]
     frames: int
     jots: SeenJots | None = None
@@ -137,7 +136,7 @@ class Sums:
         remainders = engine.changed_remainders(self.remainders, change, self.frames)
         return Sums(self.ones, self.trials, remainders, self.frames, self.jots)
 
-    def without(self, ones: Counts, trials: Counts) -> "Sums":
+    def without(self, ones: AnyArray, trials: AnyArray) -> "Sums":
         """Return the sums without some bits, given the numbers of ones and of all of them."""
         ones, rest = self.ones - ones, self.trials - trials
         jots = None if self.jots is None else self.jots * (rest / np.maximum(self.trials, 1))

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.equivalent import equivalent_sums
 from jotlight.motion.counts.sums import Sums
@@ -24,8 +25,6 @@ from jotlight.motion.displacements.shrinkage import shrink_field, translation_of
 from jotlight.motion.displacements.smoothing import cubic_weights, interpolation_bias
 from jotlight.motion.displacements.track import Paths, Track, from_center
 from jotlight.motion.tiles import affine_basis, affine_inverse, mean_tiles, tile_counts
-
-Array = npt.NDArray[np.float64]
 
 SIGMAS = (2.0, 1.0)
 """Widths of the filters with which each block is aligned."""

@@ -7,11 +7,9 @@ maximum likelihood).
 import functools
 
 import numpy as np
-import numpy.typing as npt
 
 import jotlight._engine as engine
-
-Array = npt.NDArray[np.float64]
+from jotlight.array_types import Array
 
 _SYSTEMATIC_ERROR = 0.05
 """Standard deviation of the errors that do not depend on the number of photons, in pixels."""

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.displacements.affine import (
     against_others,
@@ -19,8 +20,6 @@ from jotlight.motion.displacements.deformation_prior import (
 )
 from jotlight.motion.displacements.scoring import FAST, PRECISE, Template, normal_equations
 from jotlight.motion.displacements.track import Track, from_center
-
-Array = npt.NDArray[np.float64]
 
 _SIGMA = 2.0
 """Width of the filter with which further blocks are aligned."""

@@ -14,9 +14,8 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.motion.displacements.track import Track
-
-Array = npt.NDArray[np.float64]
 
 _DEVIATION = 8.0
 """Standard deviation of the displacement by a constant velocity over the time of the burst, in

@@ -4,16 +4,14 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Image
 from jotlight.blur import blur
 from jotlight.motion.counts.equivalent import equivalent_sums, estimate_probability
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.scoring import Template, without_shift
 from jotlight.squares import repeat_squares
-
-Image = npt.NDArray[np.float32]
 
 _SPREAD = 8.0
 """Standard deviation of the filter that averages the disagreement, in pixels."""

@@ -11,13 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import AnyArray, Image
 from jotlight.motion.counts.equivalent import clip_probability, equivalent_sums
 from jotlight.motion.counts.lights import Lights
-from jotlight.motion.counts.sums import Counts, Sums
+from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.scoring import Template
 from jotlight.underflow import underflows_to_0
-
-Image = npt.NDArray[np.float32]
 
 _MIN_CHANGE_OF_BLOCK, _MIN_CHANGE_OF_HALF = 0.03, 0.01
 """Smaller relative changes of the number of ones, of a block and of a half of the frames, have no
@@ -130,7 +129,7 @@ def _proportional(
 
 
 def _parts_of_light(
-    probability: Image, share: Image, trials: Counts, ratio: float, lights: tuple[Lights, Lights]
+    probability: Image, share: Image, trials: AnyArray, ratio: float, lights: tuple[Lights, Lights]
 ) -> list[Image]:
     """Return the probability of a one in darker and in brighter bits, from that of all bits.
 
@@ -194,7 +193,7 @@ def light_factor(
     return factor
 
 
-def _factor_of_several(p: Image, trials: Counts, ratio: float, lights: Lights) -> float:
+def _factor_of_several(p: Image, trials: AnyArray, ratio: float, lights: Lights) -> float:
     """Return the factor of the light for jots that need several photons.
 
     Newton's method finds its logarithm, because ones are about proportional to powers of the light.

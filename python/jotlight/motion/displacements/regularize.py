@@ -6,13 +6,9 @@ nats/px². Tiles with little texture have little information, so their neighbors
 
 import dataclasses
 
-import numpy as np
-import numpy.typing as npt
-
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.motion.tiles import affine_basis
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

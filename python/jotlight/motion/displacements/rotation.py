@@ -8,12 +8,9 @@ scores of all windows along this function has a peak.
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 
 import jotlight._engine as engine
-
-Array = npt.NDArray[np.float64]
-Scores = npt.NDArray[np.float32]
+from jotlight.array_types import Array, Array32
 
 _ROTATIONS = range(-20, 21, 2)
 _ZOOMS = range(-4, 5, 2)
@@ -24,7 +21,7 @@ _NEAR = (-1, 0, 1)
 
 
 def find_rotation(
-    scores: Scores, centers: Array, line: Array, threads: int | None
+    scores: Array32, centers: Array, line: Array, threads: int | None
 ) -> tuple[Array, Array] | None:
     """Return the affine velocity with the best total score of all windows, or None.
 

@@ -4,20 +4,18 @@ import dataclasses
 import functools
 
 import numpy as np
-import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import AnyArray, Image
 from jotlight.blur import blur
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.kept import kept_property
 from jotlight.motion.counts.equivalent import MIN_PROBABILITY, equivalent_sums
 from jotlight.motion.counts.lights import Lights
-from jotlight.motion.counts.sums import Counts, Sums
+from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.regularize import Equations
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
-
-Image = npt.NDArray[np.float32]
 
 FAST, PRECISE = TEMPLATES, DEFAULT_SIZE
 """Networks that denoise templates."""
@@ -46,7 +44,7 @@ class Template:
     """
 
     probability: Image
-    trials: Counts
+    trials: AnyArray
     threads: int | None = None
     lights: Lights | None = None
     _filtered: dict[float, engine.FilteredTemplate] = dataclasses.field(

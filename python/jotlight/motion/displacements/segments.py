@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.blur import blur
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.equivalent import equivalent_sums
@@ -21,8 +22,6 @@ from jotlight.motion.displacements.shrinkage import shrink_field
 from jotlight.motion.displacements.velocity import find_velocities
 from jotlight.motion.labels import choose
 from jotlight.motion.tiles import TILE, add_squares, mean_tiles
-
-Array = npt.NDArray[np.float64]
 
 
 class _Candidate(NamedTuple):

@@ -6,11 +6,9 @@ are multiplied by a factor that tends to 0 in this case, and to 1 if they are cl
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.motion.tiles import affine_basis, affine_inverse
-
-Array = npt.NDArray[np.float64]
 
 _SINGULAR = 1e-12
 """Determinant, relative to the squared trace, up to which a matrix is singular."""

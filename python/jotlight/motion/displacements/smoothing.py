@@ -1,9 +1,8 @@
 """Smooth curves through the displacements of all blocks."""
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from jotlight.array_types import Array
 
 _ORDER = 3
 """Order of the differences that are small if a curve is smooth."""

@@ -1,8 +1,8 @@
 """Updates of the displacements of tiles, block by block, which may differ between neighbors."""
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.motion.displacements.affine import SIGMAS, against_others, template_of, weights_at
 from jotlight.motion.displacements.regularize import Equations, Smoothness, fit_affine, solve_field
 from jotlight.motion.displacements.scoring import Template, normal_equations
@@ -10,8 +10,6 @@ from jotlight.motion.displacements.segments import limit_length
 from jotlight.motion.displacements.shrinkage import translation_of
 from jotlight.motion.displacements.smoothing import smoothing_matrix
 from jotlight.motion.displacements.track import Track
-
-Array = npt.NDArray[np.float64]
 
 _SMOOTHNESS = Smoothness(1.0, 2.0)
 """Smoothness of fields that differ from tile to tile, as those of waves and limbs do.

@@ -7,13 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.kept_sums import Curve, KeptSums, keeps_sums
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.labels import choose
 from jotlight.motion.tiles import interpolate, tile_counts
-
-Array = npt.NDArray[np.float64]
 
 _SAME, _NEAR = 0.1, 0.5
 """Changes of the displacements in pixels up to which bits are not counted again.

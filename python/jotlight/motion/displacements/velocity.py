@@ -10,20 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array, Counts
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.equivalent import flatten_counts
 from jotlight.motion.counts.jots import Jots
 from jotlight.motion.displacements.rotation import find_rotation
-from jotlight.motion.displacements.velocity_scores import (
-    BIN,
-    MAX_BLOCKS,
-    MIN_PEAK,
-    Counts,
-    VelocityScores,
-)
+from jotlight.motion.displacements.velocity_scores import BIN, MAX_BLOCKS, MIN_PEAK, VelocityScores
 from jotlight.motion.tiles import tile_centers
-
-Array = npt.NDArray[np.float64]
 
 _SHORT = 8
 """Longer blocks are shortened to a quarter, and others to a half."""

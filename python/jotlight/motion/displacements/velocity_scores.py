@@ -9,13 +9,9 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 import jotlight._engine as engine
-
-Array = npt.NDArray[np.float64]
-Counts = npt.NDArray[np.int32]
-Scores = npt.NDArray[np.float32]
+from jotlight.array_types import Array, Array32, Counts
 
 MAX_BLOCKS = 32
 """Maximum number of blocks that are correlated."""
@@ -68,13 +64,13 @@ class VelocityScores:
         self._places = np.arange(-steps, steps + 1) / self._lags[-1]
         self.line: Array = BIN * self._places / frames
 
-    def of_whole_image(self) -> Scores:
+    def of_whole_image(self) -> Array32:
         """Return the scores of the whole image, (m, m), from pairs at all distances."""
         size = self._blocks.shape[1], self._blocks.shape[2]
         every = list(range(1, self._lags[-1] + 1))
         return np.asarray(self._scores([(0, 0)], size, every)[0])
 
-    def of_windows(self, stride: int) -> tuple[Scores, Array]:
+    def of_windows(self, stride: int) -> tuple[Array32, Array]:
         """Return the scores of windows, (k, m, m), and the centers of these, (k, 2).
 
         The windows overlap, and cover the image. The centers are in pixels, relative to that of the
@@ -93,7 +89,7 @@ class VelocityScores:
 
     def _scores(
         self, corners: list[tuple[int, int]], size: tuple[int, int], lags: list[int]
-    ) -> Scores:
+    ) -> Array32:
         """Return the scores of windows of a size in bins."""
         blocks, places = self._blocks, self._places
         return engine.velocity_scores(blocks, corners, size, BAND, lags, places, self._threads)

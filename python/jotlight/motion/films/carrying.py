@@ -31,8 +31,6 @@ from jotlight.motion.tiles import affine_inverse, tile_counts
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
-Array = npt.NDArray[np.float64]
-
 _MAX_STILL_GAIN = 18.0
 """Gain in nats by an affine motion of a block, above which a scene no longer stands still.
 

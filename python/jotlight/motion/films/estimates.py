@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.errors import warn
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.motion.films.image import FilmImage
@@ -20,8 +21,6 @@ from jotlight.sensing.likelihood.reference import response_of
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.binomial import arcsin_root
 from jotlight.squares import mean_squares
-
-Image = npt.NDArray[np.float32]
 
 _MAX_TRIALS = 512
 """Number of readings for which the network corrects images with more of them.

@@ -17,7 +17,12 @@ from jotlight.motion.films.state import FilmState
 from jotlight.motion.merge import check_upsample, paths_along
 from jotlight.motion.merging.jot_kinds import frames_of_kinds, join_kinds, sensors_of_kinds
 from jotlight.motion.merging.mosaic_colors import check_mergeable
-from jotlight.motion.merging.squares import Counts, JotSquares, enlarge_motion, trials_of_frame
+from jotlight.motion.merging.squares import (
+    JotSquares,
+    UnsignedCounts,
+    enlarge_motion,
+    trials_of_frame,
+)
 from jotlight.motion.motion import Motion
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.merged import Merged
@@ -54,7 +59,7 @@ class FilmKinds:
     ) -> None:
         self._sensor, self._size, self._settings = sensor, size, settings
         self._squares = JotSquares(sensor, size, excluded_jots(without_mosaic(sensor)), trials)
-        self._sums: Counts = np.zeros((0, *self._squares.size), np.uint8)
+        self._sums: UnsignedCounts = np.zeros((0, *self._squares.size), np.uint8)
         self._first = 0
         self._of_kinds = [
             (FilmMerging(own, settings.step, may_stand_still=False), settings.new_memory())

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image, Mask
 from jotlight.estimators.merge_readings import round_ones
 from jotlight.motion.agreement.consistency import Consistent
 from jotlight.motion.counts.jots import SeenJots
@@ -23,9 +24,6 @@ from jotlight.motion.displacements.disagreement import disagreement
 from jotlight.motion.displacements.track import Paths
 from jotlight.motion.merge import as_paths, each_channel
 from jotlight.motion.motion import Motion
-
-Image = npt.NDArray[np.float32]
-Mask = npt.NDArray[np.bool_]
 
 _WINDOWS = 2.5
 """Number of windows after which bits count 1/e as much."""

@@ -14,6 +14,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Packed
 from jotlight.motion.agreement.consistency import Consistent
 from jotlight.motion.counts.blocks import Blocks
 from jotlight.motion.counts.burst import Burst, Planes
@@ -22,8 +23,6 @@ from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.track import Paths, Track
 from jotlight.motion.tiles import interpolate_at, tile_centers
 from jotlight.squares import repeat_squares
-
-Packed = npt.NDArray[np.uint8]
 
 
 def _fine_bytes() -> npt.NDArray[np.uint16]:

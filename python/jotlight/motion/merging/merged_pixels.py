@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.motion.agreement.consistency import Consistent
 from jotlight.motion.counts.jots import SeenJots
 from jotlight.motion.counts.sums import Sums
@@ -16,8 +17,6 @@ from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import mean_squares, repeat_squares
-
-Map = npt.NDArray[np.float64]
 
 _MIN_FLAGGED = 0.5
 """Fraction of the jots of a pixel that are flagged, above which the pixel is."""
@@ -105,7 +104,7 @@ def as_fine(
     )
 
 
-def _seen_jots(sums: Sums, sensor: Sensor, side: int) -> tuple[float | Map, float | Map]:
+def _seen_jots(sums: Sums, sensor: Sensor, side: int) -> tuple[float | Array, float | Array]:
     """Return the efficiency and the dark counts behind each pixel of side x side jots.
 
     They are maps of what :class:`Merged` states, or numbers if all jots are alike.

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.estimators.merge_readings import round_ones
 from jotlight.motion.merging.merged_pixels import mean_map
 from jotlight.motion.merging.squares import squares_side
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
-
-Map = npt.NDArray[np.float64]
 
 FILTERS = "RGB"
 """The filters whose bits can be merged to a color image."""
@@ -121,8 +120,8 @@ def join_colors(merged: Sequence[Merged], sensor: Sensor) -> Merged:
 
 
 def _with_neighbors(
-    ones: npt.NDArray[np.int32], trials: Map, side: int
-) -> tuple[npt.NDArray[np.int32], Map]:
+    ones: npt.NDArray[np.int32], trials: Array, side: int
+) -> tuple[npt.NDArray[np.int32], Array]:
     """Return the counts of a color, with those nearby where a pixel has few.
 
     The counts nearby are linearly interpolated, as over a period of the mosaic.
@@ -131,7 +130,7 @@ def _with_neighbors(
 
     weights = np.concatenate([np.arange(1, side), np.arange(side, 0, -1)]) / side**2
 
-    def nearby(values: npt.NDArray[Any]) -> Map:
+    def nearby(values: npt.NDArray[Any]) -> Array:
         rows = convolve1d(values.astype(np.float64), weights, axis=0, mode="mirror")
         return np.asarray(convolve1d(rows, weights, axis=1, mode="mirror"))
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Pattern
 from jotlight.formats.capture import CountStack, jot_shape
 from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import TILE, tile_centers
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames, read_frames
 from jotlight.sensing.parameters.maps import constant_or_map
-from jotlight.sensing.parameters.mosaic import Pattern
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.parameters.response import (
     detection_probability,
@@ -27,8 +27,7 @@ from jotlight.sensing.parameters.response import (
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import mean_squares, repeat_squares
 
-Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.uint32]
-Map = npt.NDArray[np.float64]
+UnsignedCounts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.uint32]
 
 _MAX_SIDE = 8
 """Largest side of a square of pixels. Longer periods have parts with nearly the same filters."""
@@ -117,11 +116,13 @@ class JotSquares:
         if excluded is not None:
             self._good -= excluded
 
-    def count(self, data: Bits | CountStack, start: int = 0, stop: int | None = None) -> Counts:
+    def count(
+        self, data: Bits | CountStack, start: int = 0, stop: int | None = None
+    ) -> UnsignedCounts:
         """Return the sums in each of some frames, (n, rows, columns)."""
         stop = len(data) if stop is None else stop
         dtype = np.min_scalar_type(self.side**2 * self._trials)
-        sums: Counts = np.empty((max(0, stop - start), *self.size), dtype)
+        sums: UnsignedCounts = np.empty((max(0, stop - start), *self.size), dtype)
         rows, columns = (self.side * number for number in self.size)
         for first in range(start, stop, _FRAMES):
             last = min(first + _FRAMES, stop)
@@ -132,7 +133,7 @@ class JotSquares:
             of_rows.sum(axis=3, dtype=dtype, out=sums[first - start : last - start])
         return sums
 
-    def stack(self, images: Counts | Frames) -> CountStack:
+    def stack(self, images: UnsignedCounts | Frames) -> CountStack:
         """Return the sums in T frames, (T, rows, columns), as counts."""
         provenance = Provenance("bits", "sums over squares of jots")
         return CountStack(images, provenance, trials=self.side**2 * self._trials)
@@ -142,12 +143,12 @@ class JotSquares:
         return _sensor_of_squares(self._sensor, self._good, frames * self._trials, self.side)
 
 
-def _counts_of_jots(data: Bits | CountStack, start: int, stop: int) -> Counts:
+def _counts_of_jots(data: Bits | CountStack, start: int, stop: int) -> UnsignedCounts:
     """Return the bits or counts of some frames as numbers, (n, H, W)."""
     if isinstance(data, Bits):
         packed = read_frames(data.packed, start, stop)
         return np.unpackbits(packed, axis=2, count=data.width)
-    images: Counts = np.asarray(data.images[start:stop])
+    images: UnsignedCounts = np.asarray(data.images[start:stop])
     data.check_range(images)
     return images
 
@@ -181,7 +182,7 @@ def in_squares(
     squares = JotSquares(sensor, (height, width), excluded, trials)
     dtype = np.dtype(np.min_scalar_type(squares.side**2 * trials))
     shape = frames, *squares.size
-    images: Counts | Frames = Frames(shape, partial(squares.count, data), dtype)
+    images: UnsignedCounts | Frames = Frames(shape, partial(squares.count, data), dtype)
     if math.prod(shape) * dtype.itemsize <= _MAX_BYTES:
         images = squares.count(data)
     return squares.stack(images), squares.sensor(frames)
@@ -208,7 +209,7 @@ def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) ->
     )
 
 
-def _shares(sensor: Sensor, shape: tuple[int, ...]) -> Map:
+def _shares(sensor: Sensor, shape: tuple[int, ...]) -> Array:
     """Return the share of the light that each jot reports, (H, W): that its filter passes.
 
     Of jots with different thresholds, it is the share of the ones of jots with the lowest one, at
@@ -271,7 +272,7 @@ def enlarge_motion(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
     )
 
 
-def _linear(places: Map, number: int) -> Map:
+def _linear(places: Array, number: int) -> Array:
     """Return the matrix that interpolates values at 0, 1, ... linearly, and extrapolates them."""
     matrix = np.zeros((len(places), number))
     if number == 1:

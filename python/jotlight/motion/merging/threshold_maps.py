@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.estimators.merge_readings import linear_counts
 from jotlight.estimators.readings.merge_near import Merging
 from jotlight.estimators.readings.neighbors import average_fractions, toward_own
@@ -18,7 +19,6 @@ from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.response import (
-    Array,
     detection_density,
     detection_probability,
     intensity_at_probability,

@@ -1,8 +1,8 @@
 """Tiles that move by themselves, where segments do not explain a scene."""
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.motion.agreement.consistency import MIN_ACCEPTED, Consistent, find_consistent
 from jotlight.motion.agreement.expected_errors import is_displaced, may_hide_displacements
 from jotlight.motion.agreement.flags import find_flags
@@ -16,8 +16,6 @@ from jotlight.motion.labels import choose
 from jotlight.motion.outlines.likelihood_gain import likelihood_gain
 from jotlight.motion.outlines.outlines import choose_labels
 from jotlight.motion.tiles import mean_tiles
-
-Array = npt.NDArray[np.float64]
 
 _MAX_UNKNOWN = 0.02
 """Fraction of pixels with unknown motion above which tiles are tried."""

@@ -14,15 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Image, Mask
 from jotlight.blur import blur
 from jotlight.motion.counts.equivalent import equivalent_sums
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.scoring import make_template
 from jotlight.motion.displacements.track import Paths, Track
 from jotlight.motion.outlines.short_outlines import shortest_outlines
-
-Image = npt.NDArray[np.float32]
-Mask = npt.NDArray[np.bool_]
 
 _SWEEPS = 3
 """Number of times that the outlines of all objects are found from those before."""

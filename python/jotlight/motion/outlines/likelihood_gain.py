@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.motion.counts.equivalent import equivalent_sums, expected_probability
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.scoring import Template, make_template
 from jotlight.motion.displacements.track import Counted
 from jotlight.squares import repeat_squares
 
-Share = npt.NDArray[np.float32]
 Make = Callable[[Sums, int | None], Template]
 
 _STEP = 4
@@ -61,7 +61,7 @@ def likelihood_gain(paths: Counted, make: Make = make_template) -> float:
 
 
 def _log_likelihood(
-    halves: list[Sums], shares: list[Share] | None, mean: float, make: Make, threads: int | None
+    halves: list[Sums], shares: list[Image] | None, mean: float, make: Make, threads: int | None
 ) -> tuple[float, float]:
     """Return the log-likelihood of each half under the template of the other, and the trials.
 
@@ -111,6 +111,6 @@ def _centers(length: int) -> npt.NDArray[np.float32]:
     return np.asarray((starts + np.minimum(starts + _STEP, length) - 1) / 2, np.float32)
 
 
-def _at_pixels(samples: Share, size: tuple[int, int]) -> Share:
+def _at_pixels(samples: Image, size: tuple[int, int]) -> Image:
     """Return samples of every fourth row and column at all pixels, (H, W)."""
     return repeat_squares(samples, _STEP, size)

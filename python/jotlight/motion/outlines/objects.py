@@ -10,6 +10,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Mask
 from jotlight.motion.counts.equivalent import equivalent_sums
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.affine import follow_segment, improve_inside, start_track
@@ -25,9 +26,6 @@ from jotlight.motion.outlines.depth import (
 )
 from jotlight.motion.outlines.likelihood_gain import likelihood_gain
 from jotlight.motion.tiles import add_squares, mean_tiles, tile_counts
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 MAX_OBJECTS = 5
 """Maximum number of objects of a scene."""

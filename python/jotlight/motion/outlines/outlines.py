@@ -5,13 +5,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Labels
 from jotlight.motion.counts.sums import Sums
 from jotlight.motion.displacements.disagreement import chi_squared
 from jotlight.motion.displacements.scoring import make_template
 from jotlight.motion.displacements.track import Track, from_center
-
-Array = npt.NDArray[np.float64]
-Labels = npt.NDArray[np.uint8]
 
 _CENTRAL_FRACTION = 8
 """The central 1/8 of the blocks are the template."""

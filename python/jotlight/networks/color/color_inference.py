@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.blur import blur
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.estimators.trial_levels import (
@@ -25,9 +25,6 @@ from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.parameters.binomial import arcsin_root, squared_sine
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.sensor import Sensor
-
-Array = npt.NDArray[np.float64]
-Image = npt.NDArray[np.float32]
 
 MIN_LARGEST = 4.0
 """The classical colors may reach this intensity, or S if it is larger. If they were clipped at 1,

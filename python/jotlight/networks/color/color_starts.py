@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Colors, Image
 from jotlight.estimators.demosaicing import demosaic
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.estimators.merge_readings import round_ones
@@ -16,9 +17,6 @@ from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.sensor import Sensor
-
-Colors = npt.NDArray[np.float64]
-Image = npt.NDArray[np.float32]
 
 _SIDE, _EXPONENT = 30.0, -0.35
 """Side of the squares over which colors follow the common image, in pixels, at a signal-to-noise

@@ -8,17 +8,16 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image, Pattern
 from jotlight.errors import hide_warnings
 from jotlight.estimators.demosaicing import brightest_mean
 from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import reading_information
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.parameters.mosaic import Mosaic, Pattern
+from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 I = TypeVar("I")  # noqa: E741
 

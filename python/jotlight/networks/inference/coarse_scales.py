@@ -15,6 +15,7 @@ is at least the smaller one of p and p'. Squares may gain from squares of square
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import reading_information, reference_jot, response_of
 from jotlight.sensing.merged import Merged
@@ -22,9 +23,6 @@ from jotlight.sensing.parameters.maps import dark_counts_of_mean
 from jotlight.sensing.parameters.response import intensity_at_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import sum_squares
-
-Image = npt.NDArray[np.float32]
-Array = npt.NDArray[np.float64]
 
 _FEW = 3.0
 """Detected photons of a pixel above which squares say too little to be worth their time."""

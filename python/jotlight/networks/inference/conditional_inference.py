@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from jotlight.array_types import Image
 from jotlight.estimators.deconvolution import deconvolve
 from jotlight.networks.inference.finer_grid import (
     Prior,
@@ -12,7 +13,7 @@ from jotlight.networks.inference.finer_grid import (
     enlarge,
     estimate_light,
 )
-from jotlight.networks.inference.inference import Image, Inference
+from jotlight.networks.inference.inference import Inference
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import gray_images
 from jotlight.sensing.merged import Merged, is_finer

@@ -23,12 +23,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.blur import blur
 from jotlight.estimators.trial_levels import LocalTrials
 from jotlight.sensing.likelihood.reference import response_of
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 _DARK = 5e-3
 """p0: a pixel is dark if its probability of a one is below about this value."""

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.estimators.trial_levels import LocalTrials
 from jotlight.networks.inference.dark_regions import match_dark_regions
 from jotlight.networks.inference.engine_backed import EngineBacked
@@ -19,8 +19,6 @@ from jotlight.networks.inference.trials_map import denoise_fractions
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
-
-Image = npt.NDArray[np.float32]
 
 _MIN_TRIALS = 4
 """Smallest number of trials that remains."""

@@ -19,6 +19,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.estimators.trial_levels import LocalTrials, local_trials
 from jotlight.networks.inference.coarse_scales import jots_of_squares
 from jotlight.networks.inference.engine_backed import EngineBacked
@@ -34,9 +35,6 @@ from jotlight.sensing.parameters.response import (
 )
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import sum_squares
-
-Image = npt.NDArray[np.float32]
-Light = npt.NDArray[np.float64]
 
 _STEPS = 8
 """Number of steps."""
@@ -76,10 +74,10 @@ class Squares:
         q.
     """
 
-    ones: Light
-    trials: Light
-    efficiency: float | Light
-    dark_counts: float | Light
+    ones: Array
+    trials: Array
+    efficiency: float | Array
+    dark_counts: float | Array
     threshold: int
 
     @classmethod
@@ -89,7 +87,7 @@ class Squares:
         ones = merged.ones.astype(np.float64)
         return cls(ones, trials, merged.efficiency, merged.dark_counts, merged.sensor.threshold)
 
-    def derivatives(self, light: Light) -> tuple[Light, Light]:
+    def derivatives(self, light: Array) -> tuple[Array, Array]:
         """Return u and W: the derivative of the log-likelihood, and the information.
 
         Parameters
@@ -106,7 +104,7 @@ class Squares:
         return (self.ones - self.trials * p) * scale, self.trials * slope * scale
 
 
-def average_squares(image: Light) -> Light:
+def average_squares(image: Array) -> Array:
     """Return B x: the mean of the 2 x 2 pixels from each pixel on. The border is repeated.
 
     Examples
@@ -119,7 +117,7 @@ def average_squares(image: Light) -> Light:
     return np.asarray(0.25 * (rows[:, :-1] + rows[:, 1:]))
 
 
-def spread_squares(values: Light) -> Light:
+def spread_squares(values: Array) -> Array:
     """Return Bᵀ y, the adjoint of :func:`average_squares`."""
     height, width = values.shape
     columns = np.zeros((height, width + 1))
@@ -133,11 +131,11 @@ def spread_squares(values: Light) -> Light:
     return np.asarray(0.25 * rows[:-1])
 
 
-def fit_light(squares: Squares, light: Light, precision: Light) -> Light:
+def fit_light(squares: Squares, light: Array, precision: Array) -> Array:
     """Return the light x of the first step, from an estimate z and the diagonal of R."""
     score, information = squares.derivatives(average_squares(light))
 
-    def apply(step: Light) -> Light:
+    def apply(step: Array) -> Array:
         return spread_squares(information * average_squares(step)) + precision * step
 
     # The unknown is x - z, so the term of R has no part in the right side.
@@ -185,12 +183,12 @@ class Prior:
         """Efficiency and dark counts of the median jot."""
         return reference_jot(self.sensor)
 
-    def rate(self, light: Light) -> Light:
+    def rate(self, light: Array) -> Array:
         """Return the expected detections of the median jot."""
         efficiency, dark_counts = self.jot
         return np.maximum(efficiency * light + dark_counts, _MIN_RATE)
 
-    def denoise(self, light: Light, trials: LocalTrials, turns: tuple[int, ...]) -> Light:
+    def denoise(self, light: Array, trials: LocalTrials, turns: tuple[int, ...]) -> Array:
         """Return the light without its noise: the mean over some rotations by 90 degrees."""
         of_one = detection_probability, silence_probability
         known = of_one[self.of_zeros](self.sensor.threshold, self.rate(light)).astype(np.float32)
@@ -213,18 +211,18 @@ class Prior:
         images = denoise_fractions(self.network, fractions, [trials], zeros=zeros, threads=threads)
         return images[0]
 
-    def information(self, light: Light) -> Light:
+    def information(self, light: Array) -> Array:
         """Return the information of one reading of the median jot about the light."""
         one = np.ones(light.shape)
         return Squares(0 * one, one, *self.jot, self.sensor.threshold).derivatives(light)[1]
 
-    def angle(self, light: Light) -> Light:
+    def angle(self, light: Array) -> Array:
         """Return arcsin √p, whose noise is the same everywhere."""
         p = detection_probability(self.sensor.threshold, self.rate(light))
         return arcsin_root(p)
 
 
-def estimate_light(squares: Squares, prior: Prior, enlarged: Light) -> Light:
+def estimate_light(squares: Squares, prior: Prior, enlarged: Array) -> Array:
     """Return the light of each pixel of the fine grid, in photons per jot and frame.
 
     Parameters
@@ -248,7 +246,7 @@ def estimate_light(squares: Squares, prior: Prior, enlarged: Light) -> Light:
     return _without_noise(light, enlarged, trials, prior)
 
 
-def _without_noise(light: Light, enlarged: Light, trials: Light, prior: Prior) -> Light:
+def _without_noise(light: Array, enlarged: Array, trials: Array, prior: Prior) -> Array:
     """Return the fine image, but the enlarged one where both differ by noise alone.
 
     The difference is shrunk as by James and Stein, in proportion to its excess over its usual mean
@@ -263,7 +261,7 @@ def _without_noise(light: Light, enlarged: Light, trials: Light, prior: Prior) -
     return np.asarray(enlarged + share * (light - enlarged))
 
 
-def enlarge(image: npt.NDArray[np.floating]) -> Light:
+def enlarge(image: npt.NDArray[np.floating]) -> Array:
     """Return an image on a grid of half pixels, (2 H, 2 W), by cubic interpolation.
 
     Pixel i of the image is the mean of the squares that begin at the pixels 2 i and 2 i + 1, so its

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.errors import hide_warnings
@@ -35,8 +36,6 @@ from jotlight.sensing.sensor import Sensor
 
 _MAX_BYTES = 1 << 28
 """Maximum number of bytes of the bits in one call, if they are those of several images."""
-
-Image = npt.NDArray[np.float32]
 
 
 @dataclasses.dataclass(frozen=True)

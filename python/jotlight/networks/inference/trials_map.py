@@ -12,12 +12,10 @@ estimate.
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.estimators.trial_levels import LocalTrials, fill_from_nearest, local_trials
 from jotlight.networks.inference.engine_backed import EngineBacked
-
-Image = npt.NDArray[np.float32]
 
 
 def denoise_map(

@@ -17,11 +17,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array, Image
 from jotlight.networks.planes.planes_layers import CENTER
 from jotlight.sensing.parameters.binomial import arcsin_root
-
-Array = npt.NDArray[np.float64]
-Image = npt.NDArray[np.float32]
 
 PLANES = 11
 """Number of planes."""

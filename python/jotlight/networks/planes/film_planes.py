@@ -23,12 +23,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.networks.planes.planes_layers import CENTER
 from jotlight.sensing.parameters.binomial import arcsin_root
-
-Image = npt.NDArray[np.float32]
 
 NEIGHBORS = 4
 """Number of the sixteenths of a window that are next to the nearest one in time."""

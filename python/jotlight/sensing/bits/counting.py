@@ -7,12 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Packed
 from jotlight.checks import check_threads, refuse_masked
 from jotlight.chunks import frame_chunks
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits.bits_checks import checked_oversampling
 from jotlight.sensing.bits.channels import channel_views
-from jotlight.sensing.bits.frames import Frames, Packed, map_in_thread, read_chunks
+from jotlight.sensing.bits.frames import Frames, map_in_thread, read_chunks
 from jotlight.sensing.bits.output_images import check_out
 
 _MAX_JOTS_IN_MEMORY = 1 << 32

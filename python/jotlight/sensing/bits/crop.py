@@ -7,8 +7,9 @@ from typing import Any, Self, SupportsIndex, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Packed
 from jotlight.checks import shown
-from jotlight.sensing.bits.frames import Frames, Packed
+from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.parameters.sensor_like import SensorLike
 from jotlight.sensing.parameters.slices import chosen_range, format_frame_range

@@ -10,14 +10,13 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Packed
 from jotlight.checks import shown
 from jotlight.memory import check_memory
 
 S = TypeVar("S")
 T = TypeVar("T")
 
-Packed = npt.NDArray[np.uint8]
-"""Bits, eight in a byte."""
 
 _MAX_BYTES = 1 << 23
 """Maximum number of bytes that are read at a time, unless one frame has more."""

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Packed
 from jotlight.errors import import_extra
-from jotlight.sensing.bits.frames import Frames, Packed
+from jotlight.sensing.bits.frames import Frames
 
 if TYPE_CHECKING:
     import dask.array

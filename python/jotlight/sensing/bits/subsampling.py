@@ -3,13 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Integers
 from jotlight.seeds import random_generator
 
 _MAX_PART = 10**9
 """NumPy draws from fewer ones and fewer zeros than this."""
-
-LongCounts = npt.NDArray[np.int64]
-"""Numbers of ones or of bits, (H, W)."""
 
 
 def subsample_counts(
@@ -17,7 +15,7 @@ def subsample_counts(
     trials: npt.ArrayLike,
     subset: npt.ArrayLike,
     rng: int | np.random.Generator,
-) -> LongCounts:
+) -> Integers:
     """Return the number of ones in a random subset of each pixel's bits.
 
     The bits of a pixel are exchangeable, so the number has the hypergeometric distribution.
@@ -51,9 +49,7 @@ def subsample_counts(
     return _draw(ones, zeros, number, random_generator(rng))
 
 
-def _draw(
-    ones: LongCounts, zeros: LongCounts, subset: LongCounts, rng: np.random.Generator
-) -> LongCounts:
+def _draw(ones: Integers, zeros: Integers, subset: Integers, rng: np.random.Generator) -> Integers:
     """Return hypergeometric numbers of ones, also for more bits than NumPy takes."""
     is_large = np.maximum(ones, zeros) >= _MAX_PART
     if not is_large.any():
@@ -69,8 +65,8 @@ def _draw(
 
 
 def _draw_large(
-    ones: LongCounts, zeros: LongCounts, subset: LongCounts, rng: np.random.Generator
-) -> LongCounts:
+    ones: Integers, zeros: Integers, subset: Integers, rng: np.random.Generator
+) -> Integers:
     """Return hypergeometric numbers of ones from binomial ones.
 
     Bits that are taken independently of each other are a random subset, whatever their number. The

@@ -1,7 +1,8 @@
 """The filters that the mean rates of the jots of a period suggest."""
 
 import numpy as np
-import numpy.typing as npt
+
+from jotlight.array_types import Array32
 
 _MAX_RATIO = 0.25
 """Maximum difference of two filters that are alike, relative to that of the other two."""
@@ -9,17 +10,15 @@ _MAX_RATIO = 0.25
 _MIN_WHITE = 1.4
 """Minimum light of a white filter, relative to the brightest of the other three."""
 
-Array = npt.NDArray[np.float32]
 
-
-def means_of_filters(rates: Array, side: int) -> Array:
+def means_of_filters(rates: Array32, side: int) -> Array32:
     """Return the mean rate of each of the four squares of a period, (2, 2)."""
     height, width = (length // (2 * side) for length in rates.shape)
     whole = rates[: height * 2 * side, : width * 2 * side]
     return np.asarray(whole.reshape(height, 2, side, width, 2, side).mean(axis=(0, 2, 3, 5)))
 
 
-def white_order(means: Array, has_greens: bool) -> str | None:
+def white_order(means: Array32, has_greens: bool) -> str | None:
     """Return an order of red, green, blue, and a white filter that sees much more light, or None.
 
     A red filter may also see much more light than two green ones. Blue is then the darkest one.
@@ -40,7 +39,7 @@ def white_order(means: Array, has_greens: bool) -> str | None:
     return "RGB"[:place] + "W" + "RGB"[place:]
 
 
-def alternating(means: Array) -> str | None:
+def alternating(means: Array32) -> str | None:
     """Return whether only "rows" or only "columns" alternate, or None.
 
     Examples
@@ -54,7 +53,7 @@ def alternating(means: Array) -> str | None:
     return "rows" if right < down else "columns"
 
 
-def green_orders(means: Array) -> str | None:
+def green_orders(means: Array32) -> str | None:
     """Return the orders of a Bayer mosaic whose green filters are on the jots of equal rates.
 
     Examples

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts, as_counts
+from jotlight.array_types import Array32, Counts
+from jotlight.checks import as_counts
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.layout import image_channels
 from jotlight.progress import Progress, check_progress
@@ -55,8 +56,6 @@ _MAX_BYTES = 1 << 22
 
 _MIN_SIDE, _MAX_SIDE = 1 << 7, 1 << 9
 """Minimum and maximum number of rows and columns of jots that are tested for a warning."""
-
-Array = npt.NDArray[np.float32]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -220,7 +219,7 @@ def find_periodic_rates(
 
 
 def largest_period(
-    rates: Array, score_of: Callable[[Array, int], tuple[float, float]]
+    rates: Array32, score_of: Callable[[Array32, int], tuple[float, float]]
 ) -> PeriodicRates | None:
     """Return the larger period that is significant, or None.
 
@@ -286,7 +285,7 @@ def _find_in_middle(data: Bits | Readings | Counts) -> PeriodicRates | None:
     return find_periodic_rates(counts[top : top + _MAX_SIDE, left : left + _MAX_SIDE])
 
 
-def _score(rates: Array, side: int = 1) -> tuple[float, float]:
+def _score(rates: Array32, side: int = 1) -> tuple[float, float]:
     """Return how often neighboring tiles agree, in standard deviations, and the amplitude.
 
     `side` is half of the period.
@@ -318,20 +317,20 @@ def _score(rates: Array, side: int = 1) -> tuple[float, float]:
     return max([score, *strong]), float(np.sqrt(max(0.0, powers.sum())))
 
 
-def _agreement(parts: list[Array]) -> float:
+def _agreement(parts: list[Array32]) -> float:
     """Return how many more products are positive than negative, in standard deviations."""
     signs = np.sign(np.concatenate(parts))
     return float(signs.sum() / math.sqrt(max(int(np.count_nonzero(signs)), 1)))
 
 
 @functools.cache
-def _filters(side: int) -> Array:
+def _filters(side: int) -> Array32:
     """Return a smooth filter, and the same one with alternating signs."""
     smooth = np.hanning(_TILE + 2)[1:-1]
     both = np.stack([smooth, smooth * (-1.0) ** np.arange(_TILE)]) / smooth.sum()
     return np.asarray(both.repeat(side, axis=1), np.float32)
 
 
-def _vertical_products(values: Array) -> Array:
+def _vertical_products(values: Array32) -> Array32:
     """Return the products of each tile and the one below it."""
     return (values[1:] * values[:-1]).ravel()

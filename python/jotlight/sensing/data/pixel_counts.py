@@ -31,9 +31,6 @@ from jotlight.sensing.parameters.maps import (
 from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor, require_sensor
 
-Estimate = npt.NDArray[np.float32]
-"""Intensities of an image, (H, W), or of several images or channels."""
-
 GrayData = Bits | Readings | Merged | npt.NDArray[np.int32]
 """The data of one gray image: bits or readings (T, H·K̂, W·K̂), or counts (H, W)."""
 

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts, refuse_masked
+from jotlight.array_types import Counts
+from jotlight.checks import refuse_masked
 from jotlight.errors import warn
 from jotlight.sensing.sensor import Sensor
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.sensing.parameters.response import Array
+from jotlight.array_types import Array
 
 
 def dots(a: Array, b: Array) -> Array:

@@ -9,9 +9,9 @@ from operator import index
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import refuse_data, refuse_masked, shown
 from jotlight.sensing.bits.values import as_doubles
-from jotlight.sensing.parameters.response import Array
 
 LinearMap = Callable[[Array], Array]
 """A linear function of an array."""

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array, Counts
 from jotlight.checks import check_threads
 from jotlight.kept import kept_property
 from jotlight.sensing.bits.bits import Bits
@@ -34,11 +35,8 @@ from jotlight.sensing.likelihood.reading_samples import Sample, require_readings
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.maps import pixel_means
 from jotlight.sensing.parameters.reading_groups import ReadingGroup, frames_differ
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.underflow import underflows_to_0
-
-Counts = npt.NDArray[np.int32]
 
 
 @dataclasses.dataclass(frozen=True)

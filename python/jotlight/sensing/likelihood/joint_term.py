@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.sensing.likelihood.likelihood import Likelihood
 from jotlight.sensing.likelihood.multibit import ReadingLikelihood
-from jotlight.sensing.parameters.response import Array, detection_density, detection_probability
+from jotlight.sensing.parameters.response import detection_density, detection_probability
 from jotlight.squares import repeat_squares
 
 

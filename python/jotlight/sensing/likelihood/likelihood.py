@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.arrays import HasReadOnlyArrays, frozen
 from jotlight.checks import check_threads, to_array, type_of, whole_number_in_range
 from jotlight.errors import plural
@@ -23,7 +24,6 @@ from jotlight.sensing.bits.values import (
     numbers_of_ones,
 )
 from jotlight.sensing.data.stacks import select
-from jotlight.sensing.parameters.response import Array
 
 
 class Likelihood(HasReadOnlyArrays):

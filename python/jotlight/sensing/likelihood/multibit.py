@@ -7,9 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.kept import kept_property
 from jotlight.sensing.bits.values import as_doubles, flatten
-from jotlight.sensing.parameters.response import Array, JotResponse
+from jotlight.sensing.parameters.response import JotResponse
 from jotlight.underflow import underflows_to_0
 
 

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Self, SupportsIndex
 import numpy as np
 
 import jotlight._engine as engine
+from jotlight.array_types import Array
 from jotlight.checks import check_threads, positive_number, whole_number_in_range
 from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.seeds import SeedLike, random_generator
@@ -24,7 +25,6 @@ from jotlight.sensing.likelihood.checked_maps import (
     array_of_shape,
     checked_shape,
 )
-from jotlight.sensing.parameters.response import Array
 from jotlight.sensing.sensor import KERNELS
 
 __all__ = ["Operator", "Scaling", "Spread", "check_adjoint", "differences", "scaling", "spread"]

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.checks import positive_number
 from jotlight.sensing.data.stacks import are_all, each_image, image_sums
 from jotlight.sensing.likelihood.likelihood import Likelihood
 from jotlight.sensing.likelihood.operators import Operator
 from jotlight.sensing.parameters.response import (
-    Array,
     detection_density,
     detection_probability,
     inverse_detection_probability,

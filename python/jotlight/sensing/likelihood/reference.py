@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.sensing.likelihood.likelihood import Likelihood
 from jotlight.sensing.likelihood.multibit import ReadingLikelihood
 from jotlight.sensing.parameters.maps import LIMITS
 from jotlight.sensing.parameters.response import (
-    Array,
     detection_probability,
     inverse_detection_probability,
 )

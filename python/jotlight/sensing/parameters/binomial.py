@@ -9,9 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.interrupts import interruptible
-
-Array = npt.NDArray[np.float64]
 
 Real = TypeVar("Real", bound=np.floating)
 

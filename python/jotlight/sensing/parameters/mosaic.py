@@ -9,12 +9,10 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Colors, Pattern
 from jotlight.arrays import HasReadOnlyArrays
 from jotlight.sensing.parameters import mosaic_checks, mosaic_text
 from jotlight.squares import repeat_squares
-
-Pattern = npt.NDArray[np.uint8]
-Colors = npt.NDArray[np.float64]
 
 MAX_PERIOD = 16
 """Maximum rows and columns of a pattern that repeats. A larger one is a map of all pixels."""

@@ -5,12 +5,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Colors, Pattern
 from jotlight.checks import shown, to_array
 from jotlight.sensing.parameters import mosaic_text
 from jotlight.sensing.parameters.maps import LIMITS
-
-Pattern = npt.NDArray[np.uint8]
-Colors = npt.NDArray[np.float64]
 
 LETTERS = {
     "R": (1.0, 0.0, 0.0),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Pattern = npt.NDArray[np.uint8]
+from jotlight.array_types import Pattern
 
 MAX_FILTERS = 26
 """Maximum number of filters."""

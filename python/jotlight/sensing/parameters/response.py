@@ -10,11 +10,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Array
 from jotlight.interrupts import interruptible
 from jotlight.underflow import underflows_to_0
-
-Array = npt.NDArray[np.float64]
-"""Numbers in double precision."""
 
 A = TypeVar("A", bound=Any)
 
