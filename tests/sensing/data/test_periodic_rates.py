@@ -8,6 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.calibration import find_periodic_rates
 from jotlight.datasets import photograph
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.frames.selection import select
 from jotlight.sensing.data.periodic_rates import PeriodicRates
 from jotlight.sensing.parameters.mosaic import Mosaic
@@ -200,7 +201,7 @@ def test_simulated_bits_are_not_tested(shape):
     image = np.broadcast_to(stripes[..., 0] if len(shape) == 2 else stripes, shape)
     sensor = jl.Sensor(frames=64)
     bits = sensor.expose(image, rng=0, channel_axis=None if len(shape) == 2 else -1)
-    rotated = select(bits, None, 90, None)
+    rotated = select(bits, ReadingOptions(rotate=90))
     for each in (*bits.channels(), *rotated.channels()):
         jl.mle(each)  # warnings are errors
     assert find_periodic_rates(bits.channels()[0]).period == 2
