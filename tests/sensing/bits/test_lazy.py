@@ -114,3 +114,31 @@ def test_dask_is_imported_only_if_it_is_requested():
         "assert not names, names"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("key", [slice(None), slice(40, 3, -4), (slice(2, 9), slice(4, 1, -1))])
+def test_copies_of_a_map_map_its_file_again(capture, key, monkeypatch):
+    part = np.load(capture, mmap_mode="r")[key]
+    with monkeypatch.context() as patch:
+        patch.setattr("dask.array.core.tokenize", pytest.fail)  # it reads the whole map
+        x = jl.Bits(part, 13).to_dask(3)
+    np.testing.assert_array_equal(x.compute(), part)
+    assert jl.Bits(part, 13).to_dask(3).name == x.name
+    monkeypatch.setattr(lazy, "_COPIES", {})
+    content = pickle.dumps(x)
+    assert b"capture.npy" in content
+    np.testing.assert_array_equal(pickle.loads(content).compute(), part)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(pickle.loads(content))), part)
+    np.save(capture, np.zeros((50, 6, 2), np.uint8))
+    monkeypatch.setattr(lazy, "_COPIES", {})
+    with pytest.raises(OSError, match=r"capture\.npy: the file has changed"):
+        pickle.loads(content)
+
+
+@pytest.mark.parametrize("mode", ["r+", "c"])
+def test_a_map_that_this_process_may_change_is_copied(capture, mode):
+    part = np.load(capture, mmap_mode=mode)[3:]
+    part[0] = 255
+    x = jl.Bits(part, 13).to_dask(10)
+    capture.unlink()
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(x)).compute(), part)

@@ -2,15 +2,17 @@
 
 import functools
 import math
+import mmap
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Packed
-from jotlight.errors import import_extra
-from jotlight.sensing.bits.frames import Frames
+from jotlight.errors import ChangedFileError, import_extra
+from jotlight.sensing.bits.frames import Frames, Packed
 
 if TYPE_CHECKING:
     import dask.array
@@ -32,6 +34,8 @@ def to_dask(packed: Packed | Frames, chunks: Chunks) -> "dask.array.Array":
     array = import_dask_array()
     frames = frames_per_chunk(packed.shape, chunks)
     shape = (frames, *packed.shape[1:])
+    if isinstance(packed, np.memmap):
+        packed = _mapped_frames(packed)
     if isinstance(packed, np.ndarray):
         return array.from_array(packed, shape)
     source = FrameSource(packed, _name(packed))
@@ -51,10 +55,60 @@ def files_of(packed: Packed | Frames) -> "FrameSource | None":
     >>> files_of(np.zeros((4, 2, 3), np.uint8)) is None
     True
     """
+    if isinstance(packed, np.memmap):
+        packed = _mapped_frames(packed)
     if isinstance(packed, np.ndarray):
         return None
     name = _name(packed)
     return None if name is None else FrameSource(packed, name)
+
+
+def _mapped_frames(packed: np.memmap[Any, np.dtype[np.uint8]]) -> Frames:
+    """Return a map of a file as frames. dask would read the whole map to name it and to copy it.
+
+    A copy in another process maps the file again, unless this process may write to the map.
+    """
+    read = packed.view(np.ndarray).__getitem__
+    frames = Frames(packed.shape, lambda start, stop: read(slice(start, stop)))
+    root: Any = packed
+    while isinstance(root.base, np.memmap):
+        root = root.base
+    # A map that was made of other arrays has no file, and its file may have been deleted.
+    is_map = isinstance(root.base, mmap.mmap) and root.mode == "r" and root.filename is not None
+    if is_map and (path := Path(root.filename).absolute()).is_file():
+        position = root.offset + packed.ctypes.data - root.ctypes.data
+        state = _state(path)
+        origin = functools.partial(_map_again, path, state, position, packed.shape, packed.strides)
+        frames.set_origin(origin)
+    return frames
+
+
+def _map_again(
+    path: Path,
+    state: tuple[int, int],
+    position: int,
+    shape: tuple[int, ...],
+    strides: tuple[int, ...],
+) -> Frames:
+    """Return the frames of a map of a file, for a copy in another process.
+
+    Raises
+    ------
+    ChangedFileError
+        When the file has changed since its first map became a lazy array.
+    """
+    if _state(path) != state:
+        raise ChangedFileError.of_file(path)
+    whole = np.memmap(path, np.uint8, "r")
+    part = np.ndarray(shape, np.uint8, whole, position, strides)
+    frames = Frames(shape, lambda start, stop: part[start:stop])
+    frames.set_origin(functools.partial(_map_again, path, state, position, shape, strides))
+    return frames
+
+
+def _state(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns
 
 
 def frames_per_chunk(shape: tuple[int, ...], chunks: Chunks) -> int:
@@ -116,6 +170,8 @@ def _parse_bytes(text: str) -> int:
 class FrameSource:
     """Frames in files, as dask reads them. A copy in another process opens the files again.
 
+    A copy of frames without a name is an array of them.
+
     Parameters
     ----------
     frames : Frames
@@ -135,7 +191,7 @@ class FrameSource:
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.name is None:
-            return FrameSource, (self.frames,)
+            return np.asarray, (np.asarray(self.frames),)
         return _copy, (self.name, *self.frames.__reduce__())
 
     def __getitem__(self, key: Any) -> npt.NDArray[np.uint8]:
