@@ -5,6 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.chunks import windows
+from jotlight.sensing.bits.frames import Frames
 
 
 def test_windows_are_whole_and_in_order():
@@ -14,6 +15,15 @@ def test_windows_are_whole_and_in_order():
     for wrong in ((0, 1), (22, 1), (4, 0)):
         with pytest.raises(ValueError, match="expected 1"):
             windows(21, *wrong)
+
+
+def test_a_trillion_windows_take_no_memory():
+    spans = windows(10**12, 16, 8)
+    assert len(spans) == 10**12 // 8 - 1
+    assert (spans[-1], spans[3]) == (slice(10**12 - 16, 10**12), slice(24, 40))
+    assert list(spans[2:4]) == [slice(16, 32), slice(24, 40)]
+    bits = jl.Bits(Frames((10**12, 2, 1), lambda a, b: np.full((b - a, 2, 1), 255, np.uint8)))
+    assert next(bits.windows(16)).counts().max() == 16
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """Ranges of frames and rows: chunks of work, and the windows of a film."""
 
-from collections.abc import Iterator
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import overload
 
 _MAX_JOTS = 1 << 26
 """Maximum number of jots in a chunk. The engine processes them in tens of milliseconds."""
@@ -41,9 +43,32 @@ def frame_chunks(
             )
 
 
-def windows(
-    frames: int, window: int, step: int | None = None, *, name: str = "window"
-) -> list[slice]:
+@dataclasses.dataclass(frozen=True)
+class Windows(Sequence[slice]):
+    """The frames of each window. There may be too many windows for a list."""
+
+    starts: range
+    """The first frame of each window."""
+    window: int
+    """The number of frames of a window."""
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @overload
+    def __getitem__(self, index: int) -> slice: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "Windows": ...
+
+    def __getitem__(self, index: int | slice) -> "slice | Windows":
+        if isinstance(index, slice):
+            return Windows(self.starts[index], self.window)
+        start = self.starts[index]
+        return slice(start, start + self.window)
+
+
+def windows(frames: int, window: int, step: int | None = None, *, name: str = "window") -> Windows:
     """Return the frames of each window as a slice: `window` frames, from every `step`-th frame on.
 
     Parameters
@@ -77,4 +102,4 @@ def windows(
     step = window if step is None else step
     if step < 1:
         raise ValueError(f"step: expected 1 frame or more, got {step}")
-    return [slice(start, start + window) for start in range(0, frames - window + 1, step)]
+    return Windows(range(0, frames - window + 1, step), int(window))

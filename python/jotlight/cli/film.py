@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -107,7 +107,7 @@ def _write(
     job: Reconstruction,
     outputs: FilmOptions,
     motion: FilmMotionOptions,
-    spans: list[slice],
+    spans: Sequence[slice],
     threads: int | None,
 ) -> FilmSummary:
     """Write the estimate of every window, and return what was found.
@@ -178,7 +178,7 @@ def _samples(
     job: Reconstruction,
     outputs: FilmOptions,
     motion: FilmMotionOptions,
-    spans: list[slice],
+    spans: Sequence[slice],
     threads: int | None,
 ) -> list[Image]:
     """Return the estimates of a few windows, each as the first image of a film.
@@ -198,7 +198,7 @@ def _images(
     job: Reconstruction,
     outputs: FilmOptions,
     motion: FilmMotionOptions,
-    spans: list[slice],
+    spans: Sequence[slice],
     summary: FilmSummary,
     threads: int | None,
 ) -> Iterator[Image]:

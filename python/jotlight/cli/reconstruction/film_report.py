@@ -1,6 +1,7 @@
 """The report of a film: what was found about its images, as lines of text."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -93,7 +94,7 @@ class FilmSummary:
 
 
 def film_lines(
-    job: Reconstruction, outputs: FilmOptions, spans: list[slice], summary: FilmSummary
+    job: Reconstruction, outputs: FilmOptions, spans: Sequence[slice], summary: FilmSummary
 ) -> list[str]:
     """Return the lines of the report of a film that was written."""
     scale, data, tone = outputs.scale(job.captured.sensor), job.captured.data, summary.tone
