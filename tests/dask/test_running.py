@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from jotlight._engine import __version__
-from jotlight.dask import running
 from jotlight.dask.cluster import connected
 from jotlight.dask.names import Part
 from jotlight.dask.records import AnotherRunError
@@ -160,7 +159,9 @@ def test_equal_outputs_are_refused(tmp_path):
 
 def test_results_that_do_not_fit_on_the_disk_are_refused(tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(running.shutil, "disk_usage", lambda folder: usage(0, 0, 3 << 30))
+    monkeypatch.setattr(
+        "jotlight.disk_space.shutil.disk_usage", lambda folder: usage(0, 0, 3 << 30)
+    )
     jobs = jobs_in(tmp_path / "new" / "folder", nbytes=1 << 30)
     with pytest.raises(OSError, match=r"need up to 3 GiB, and 64 MiB must .* only 3 GiB"):
         run_jobs(jobs, ThisProcess())

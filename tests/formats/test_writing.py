@@ -7,6 +7,8 @@ import pytest
 
 import jotlight as jl
 from examples.arrays import random_bits, random_frames
+from folders import file_names
+from jotlight.sensing.bits.frames import Frames
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (6, 9))
 SENSOR = jl.Sensor(oversampling=2, frames=3, mask=np.eye(4, 6, dtype=bool))
@@ -164,3 +166,11 @@ def test_the_error_of_other_data_says_what_writes_them(tmp_path, data, advice):
     with pytest.raises(TypeError, match=f"data: expected .*{advice}"):
         jl.save(data, tmp_path / "a.npy")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.bin", "a"])
+def test_bits_that_do_not_fit_on_the_disk_are_refused_before_they_are_read(tmp_path, name):
+    huge = jl.Bits(Frames((1 << 50, 256, 64), pytest.fail))
+    with pytest.raises(OSError, match=r"the results need up to .* TiB, but .* free some space"):
+        jl.save(huge, tmp_path / name, format=None if name == "a.npy" else "swissspad2")
+    assert file_names(tmp_path) == []

@@ -10,7 +10,7 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
-from folders import size_limit
+from folders import file_names, size_limit
 from jotlight.chunks import windows
 from jotlight.images.io import read_image
 from jotlight.images.tone import Tone
@@ -36,6 +36,16 @@ def test_a_stack_of_floats_is_exact_and_unclipped(tmp_path, shape, length, is_kn
         assert file.is_bigtiff == (not is_known)
         for page, image in zip(file.pages, images, strict=True):
             assert (page.asarray() == image).all()
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.tif"])
+def test_a_film_that_does_not_fit_on_the_disk_is_refused_at_its_first_image(tmp_path, name):
+    with (
+        pytest.raises(OSError, match=r"the results need up to .* TiB, but"),
+        video_writer(tmp_path / name, 1 << 50) as add,
+    ):
+        add(RAMP)
+    assert file_names(tmp_path) == []
 
 
 def test_a_folder_of_images_has_one_curve(tmp_path):

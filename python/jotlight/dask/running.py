@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses
 import itertools
-import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,6 +13,7 @@ from jotlight.dask.cluster import check_version
 from jotlight.dask.jobs import Job
 from jotlight.dask.names import Part
 from jotlight.dask.records import AnotherRunError
+from jotlight.disk_space import check_disk_space
 from jotlight.errors import error_message, record_warnings, warn
 
 _AHEAD = 4
@@ -160,39 +160,12 @@ def check_outputs(jobs: Sequence[Job]) -> list[Job]:
         if other != job.name:
             raise AnotherRunError(f"{job.output}: is the output of both {other} and {job.name}")
     missing = [job for job in jobs if not job.is_complete()]
-    needed: dict[Path, int] = {}
-    for job in missing:
-        folder = next(each for each in job.output.absolute().parents if each.exists())
-        needed[folder] = needed.get(folder, 0) + job.nbytes
-    # Folders on the same disk share its free space.
-    disks: dict[int, tuple[Path, int]] = {}
-    for folder, size in needed.items():
-        device = folder.stat().st_dev
-        disks[device] = folder, disks.get(device, (folder, 0))[1] + size
-    for folder, size in disks.values():
-        free = shutil.disk_usage(folder).free
-        if size + _RESERVE > free:
-            raise OSError(
-                f"the results need up to {format_bytes(size)}, and {format_bytes(_RESERVE)} must "
-                f"stay free, but {folder} has only {format_bytes(free)} of free space; free some "
-                "space, choose another folder, or use larger windows"
-            )
+    check_disk_space(
+        [(job.output, job.nbytes) for job in missing],
+        reserve=_RESERVE,
+        advice="free some space, choose another folder, or use larger windows",
+    )
     return missing
-
-
-def format_bytes(size: float) -> str:
-    """Return a number of bytes as a text.
-
-    Examples
-    --------
-    >>> format_bytes(3 << 30), format_bytes(1000)
-    ('3 GiB', '1000 B')
-    """
-    for unit in ("B", "KiB", "MiB", "GiB"):
-        if size < 1024:
-            return f"{size:.4g} {unit}"
-        size /= 1024
-    return f"{size:.4g} TiB"
 
 
 def run_jobs(

@@ -32,6 +32,8 @@ class Writer:
     place for them."""
     extensions: tuple[str, ...] = ()
     """Extensions of a file, the preferred one first. Empty: the format is always a folder."""
+    plain: bool = False
+    """Whether bits are stored without compression, so that their size is known beforehand."""
     folder: bool = False
     """Whether a path without extension becomes a new folder in this format."""
     keeps_sensor: bool = False

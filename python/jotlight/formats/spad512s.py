@@ -205,7 +205,9 @@ SPAD512S = Format(
     is_raw=True,
     layout=_LAYOUT,
     fixed_layout=True,
-    writer=Writer(bits=functools.partial(_write, sparse=False), extensions=(".bin",), folder=True),
+    writer=Writer(
+        bits=functools.partial(_write, sparse=False), extensions=(".bin",), plain=True, folder=True
+    ),
 )
 
 SPAD512S_SPARSE = Format(

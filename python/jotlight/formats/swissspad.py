@@ -131,7 +131,7 @@ SWISSSPAD2 = Format(
     is_raw=True,
     layout=_HALF,
     fixed_layout=True,
-    writer=Writer(bits=_write_half, extensions=(".bin",), folder=True),
+    writer=Writer(bits=_write_half, extensions=(".bin",), plain=True, folder=True),
 )
 
 SWISSSPAD2_FULL = Format(
@@ -142,5 +142,5 @@ SWISSSPAD2_FULL = Format(
     is_raw=True,
     layout=_FULL,
     fixed_layout=True,
-    writer=Writer(bits=_write_full, extensions=(".bin",), folder=True),
+    writer=Writer(bits=_write_full, extensions=(".bin",), plain=True, folder=True),
 )

@@ -320,5 +320,5 @@ VISIONSIM = Format(
     open=open_visionsim,
     matches=_is_visionsim,
     fixed_layout=True,
-    writer=Writer(bits=_write_bits, folder=True),
+    writer=Writer(bits=_write_bits, plain=True, folder=True),
 )

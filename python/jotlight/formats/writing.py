@@ -12,6 +12,7 @@ import numpy.typing as npt
 from jotlight.argument_types import as_path
 from jotlight.array_types import Counts
 from jotlight.checks import refuse_masked, to_array
+from jotlight.disk_space import check_disk_space
 from jotlight.errors import warn
 from jotlight.files import refuse_folder
 from jotlight.formats.frames.labels import make_counts_label
@@ -246,6 +247,8 @@ def _write_bits(bits: Bits, path: Path, name: str, progress: Callable[[float], o
         if bits.sensor is not None:
             warn(f"{path}: {name} has no place for the sensor, which is left out")
         _warn_about_orientation(bits.provenance, path, name)
+    if writer.plain:
+        check_disk_space([(path, bits.packed.nbytes)])
     writer.bits(_report_reading(bits, progress), path)
 
 

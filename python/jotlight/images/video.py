@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from jotlight.array_types import FloatImage
 from jotlight.checks import real_number, shown
+from jotlight.disk_space import check_disk_space
 from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write, refuse_folder
 from jotlight.images.color import fit_channels
@@ -141,7 +142,7 @@ def video_writer(
     Raises
     ------
     OSError
-        If a write fails.
+        If a write fails, or `number` images of floats do not fit on the disk.
     ValueError
         If an argument is out of its range, the images have different shapes, or there is no image.
 
@@ -174,6 +175,8 @@ def video_writer(
 
         def add(image: npt.NDArray[np.float32]) -> None:
             nonlocal shape
+            if shape is None and number is not None and is_floats(path):
+                check_disk_space([(path, 4 * number * image.size)])
             shape = shape or image.shape
             if image.shape != shape:
                 raise ValueError(

@@ -20,9 +20,9 @@ from jotlight.dask.running import (
     Executor,
     Outcome,
     ThisProcess,
-    format_bytes,
     run_jobs,
 )
+from jotlight.disk_space import format_bytes
 from jotlight.errors import counted, error_message
 from jotlight.files import check_outputs
 from jotlight.formats.frames.reading_options import ReadingOptions

@@ -196,6 +196,7 @@ NPY = Format(
         counts=functools.partial(_write_counts, write_npy),
         readings=_write_npy_readings,
         extensions=(".npy",),
+        plain=True,
         keeps_sensor=True,
         keeps_label=True,
     ),
