@@ -158,6 +158,7 @@ def test_drawings_use_the_pages_colors_and_lose_their_style_sheets(full):
     assert len(drawings) == 3
     for each in drawings:
         assert "var(--ink)" in each
+        assert "patch_1" not in each  # the white of the file, which the page does not show
         assert "var(--quiet)" in each
         assert "#1d2733" not in each
         assert "#1f77b4" in each

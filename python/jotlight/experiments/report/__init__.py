@@ -2,7 +2,8 @@
 
 - `changes`: which methods changed after a measurement
 - `content`: claims, tables, curves, and images, independent of how they are shown
-- `curves`: curves as SVG
+- `contrast`: colors that are visible on the light and on the dark ground of a page
+- `curves`: curves as SVG, on white
 - `markdown`: a report as a page of Markdown
 - `page`: a report as one HTML page (page.html, page.css, page.js)
 - `overview`: the section that compares the quality and the time of all methods

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 TEXT_COLOR, MUTED_COLOR = "#1d2733", "#5b6876"
 """The colors of text and of axes. The HTML page replaces them with those of its theme."""
 
+BACKGROUND_ID = "patch_1"
+"""The id of the background, which is Matplotlib's name for the first area of a figure."""
+
 METHOD_COLORS = {
     "mle": "#8a8f98",
     "noniterative-gaussian": "#3f9fdc",
@@ -67,6 +70,8 @@ class Axes:
 def render_svg(axes: Sequence[Axes]) -> str:
     """Return an SVG of coordinate systems side by side. The same curves make the same SVG.
 
+    Its background is white, because its dark texts are unreadable on that of a dark page.
+
     Examples
     --------
     >>> render_svg([Axes([Line("a", [0, 1], [0, 1], color="#d55e00")], "x", "y")])[:5]
@@ -91,7 +96,7 @@ def render_svg(axes: Sequence[Axes]) -> str:
     }
     with rc_context(style):
         figure = Figure(figsize=(max(7.4, 4.6 * len(axes)), 3.8), layout="constrained")
-        figure.patch.set_alpha(0)
+        figure.patch.set_facecolor("white")
         drawn = figure.subplots(1, len(axes), squeeze=False)[0]
         for target, content in zip(drawn, axes, strict=True):
             _plot(target, content)

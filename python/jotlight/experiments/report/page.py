@@ -17,7 +17,8 @@ from jotlight.experiments.report.content import (
     Section,
     Value,
 )
-from jotlight.experiments.report.curves import MUTED_COLOR, TEXT_COLOR
+from jotlight.experiments.report.contrast import themed
+from jotlight.experiments.report.curves import BACKGROUND_ID, MUTED_COLOR, TEXT_COLOR
 
 _MAX_OPEN_ROWS = 15
 """The longest table that is open at first. Longer tables are collapsed."""
@@ -161,7 +162,9 @@ def _drawing(curves: Curves, anchor: str) -> _Drawing:
     for parent in root.iter():
         # A style sheet in a drawing would apply to the whole page.
         for child in list(parent):
-            if child.tag.rpartition("}")[2] in ("metadata", "style"):
+            # The background would hide that of the theme.
+            is_background = child.get("id") == BACKGROUND_ID
+            if is_background or child.tag.rpartition("}")[2] in ("metadata", "style"):
                 parent.remove(child)
     for element in root.iter():
         # HTML knows SVG elements by name and needs no namespaces.
@@ -188,9 +191,14 @@ def _page_attribute(name: str, value: str, anchor: str) -> str:
     if name.endswith("href") and value.startswith("#"):
         return f"#{anchor}--{value[1:]}"
     value = re.sub(r"url\(#", f"url(#{anchor}--", value)
-    for color, variable in _THEME_COLORS.items():
-        value = re.sub(color, variable, value, flags=re.IGNORECASE)
-    return value
+    if name not in ("style", "fill", "stroke"):
+        return value
+
+    def shown(found: re.Match[str]) -> str:
+        color = found[0].lower()
+        return _THEME_COLORS.get(color) or themed(color)
+
+    return re.sub(r"#[0-9a-f]{6}\b", shown, value, flags=re.IGNORECASE)
 
 
 def _sorting_value(value: Value) -> str:

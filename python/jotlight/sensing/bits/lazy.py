@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from jotlight.array_types import Packed
 from jotlight.errors import ChangedFileError, import_extra
-from jotlight.sensing.bits.frames import Frames, Packed
+from jotlight.sensing.bits.frames import Frames
 
 if TYPE_CHECKING:
     import dask.array
