@@ -21,11 +21,19 @@ from jotlight.sensing.data.pixel_counts import Data, GrayImages, gray_images, pr
 from jotlight.sensing.likelihood.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.maps import pixel_means
+from jotlight.sensing.parameters.response import (
+    detection_density,
+    detection_probability,
+    silence_probability,
+)
 from jotlight.sensing.sensor import Sensor
 from jotlight.underflow import underflows_to_0
 
 _SATURATED = 700.0
 """Rate of a jot above which the information of its bits is 0 in double precision."""
+
+_MIN_DENSITY = 1e-280
+"""Derivative of the response of a trial below which its information is 0 in double precision."""
 
 
 def merge_readings(
@@ -51,7 +59,7 @@ def merge_readings(
     Returns
     -------
     Merged
-        Merged counts (H, W), or (H, W, C) for color. Their sensor has threshold 1 and the gain of
+        Merged counts (H, W), or (H, W, C) for color. Their sensor is the
         :func:`jotlight.estimators.readings.reference_sensors.reference_sensor`. For a list or a
         stack, a list of merged counts.
 
@@ -185,6 +193,7 @@ def counts_at_maximum(
         slope * least + dark_counts,
         is_dark=joint.total == 0,
         is_full=joint.total == joint.max_total,
+        threshold=int(reference.threshold),
     )
 
 
@@ -197,6 +206,7 @@ def counts_of_equal_likelihood(
     *,
     is_dark: npt.NDArray[np.bool_],
     is_full: npt.NDArray[np.bool_],
+    threshold: int = 1,
 ) -> tuple[Array, Array]:
     """Return the numbers of ones and of trials whose likelihood is that of other readings.
 
@@ -212,6 +222,8 @@ def counts_of_equal_likelihood(
         s at these intensities, and where I was computed.
     is_dark, is_full : ndarray of bool
         Where all readings are 0, and where all are the largest one.
+    threshold : int
+        The threshold of the trials.
 
     Examples
     --------
@@ -222,12 +234,14 @@ def counts_of_equal_likelihood(
     >>> ones.round(9).tolist(), trials.round(9).tolist()
     ([4.0], [8.0])
     """
-    one, zero = -np.expm1(-rate), np.exp(-rate)
+    of_one, of_zero = _odds_of_density(threshold, rate)
     is_full = is_full & ~is_dark
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        ones, trials = linear_counts(gradient, information, slope, rate, rate_of_information)
-        trials = np.where(is_dark, -gradient / slope, trials)
-        trials = np.where(is_full, gradient * one / (slope * zero), trials)
+        ones, trials = linear_counts(
+            gradient, information, slope, rate, rate_of_information, threshold
+        )
+        trials = np.where(is_dark, -gradient * of_zero / slope, trials)
+        trials = np.where(is_full, gradient * of_one / slope, trials)
     trials = np.minimum(np.where(trials > 0, trials, 0.0), MAX_TRIALS)
     ones = np.where(is_dark, 0.0, np.where(is_full, trials, ones))
     # Dark counts far above the threshold of the reference sensor leave no information.
@@ -241,6 +255,7 @@ def linear_counts(
     slope: float | Array,
     rate: Array,
     rate_of_information: Array,
+    threshold: int = 1,
 ) -> tuple[Array, Array]:
     """Return the ones n p + g p (1 - p)/p' and the trials n = I p (1 - p)/p'².
 
@@ -254,10 +269,24 @@ def linear_counts(
     >>> ones.round(9).tolist(), trials.round(9).tolist()
     ([1.0], [8.0])
     """
-    one = -np.expm1(-rate)
-    # p' = slope * (1 - p), so p (1 - p) / p' = one / slope.
-    trials = information * np.expm1(np.minimum(rate_of_information, _SATURATED)) / slope**2
-    return trials * one + gradient * one / slope, trials
+    of_one, of_zero = _odds_of_density(threshold, rate_of_information)
+    trials = information * of_one * of_zero / slope**2
+    one = detection_probability(threshold, rate)
+    step = one * _odds_of_density(threshold, rate)[1]
+    return trials * one + gradient * step / slope, trials
+
+
+def _odds_of_density(threshold: int, rate: Array) -> tuple[Array, Array]:
+    """Return p/P' and (1 - p)/P' of the response P(q, s), 0 where P' is 0 in double precision."""
+    if threshold == 1:
+        return np.expm1(np.minimum(rate, _SATURATED)), np.ones(np.shape(rate))
+    density = detection_density(threshold, rate)
+    is_known = density > _MIN_DENSITY
+    one, zero = (
+        np.divide(probability(threshold, rate), density, out=np.zeros(rate.shape), where=is_known)
+        for probability in (detection_probability, silence_probability)
+    )
+    return one, zero
 
 
 def min_light(joint: JointLikelihood) -> float | Array:

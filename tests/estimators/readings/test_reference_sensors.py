@@ -7,6 +7,8 @@ import jotlight as jl
 from jotlight.estimators.readings.merge_near import Merging
 from jotlight.estimators.readings.reference_sensors import reference_dark_counts, reference_sensor
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
+from jotlight.sensing.likelihood.reference import reading_information
+from jotlight.sensing.parameters.response import detection_probability, intensity_at_probability
 
 HOT = np.arange(1024).reshape(32, 32) % 50 == 9
 
@@ -26,8 +28,9 @@ def test_equivalent_counts_are_right_with_many_dark_counts(options):
     data = sensor.expose(np.full((32, 32), intensity), rng=0)
     merged = Merging(joint_likelihood(data, sensor, None)).near_neighbors()
     light = merged.sensor.light_per_intensity
-    ones, trials = merged.ones.sum(), np.sum(merged.trials * np.ones(merged.shape))
-    found = (-np.log1p(-ones / trials) - np.max(merged.dark_counts)) / light
+    p = merged.ones.sum() / np.sum(merged.trials * np.ones(merged.shape))
+    threshold, dark_counts = merged.sensor.threshold, np.max(merged.dark_counts)
+    found = intensity_at_probability(threshold, p, 1 - p, light, dark_counts)
     assert found == pytest.approx(intensity, rel=0.02)
 
 
@@ -57,3 +60,46 @@ def test_dark_counts_shrink_with_the_light_of_a_jot():
 def test_a_bracket_keeps_its_dark_counts():
     sensor = jl.Sensor(frames=3, gain=[0.3, 1.0, 9.0], dark_counts=0.1)
     assert reference_sensor(sensor).dark_counts == 0.1
+
+
+@pytest.mark.parametrize(
+    ("options", "threshold"),
+    [
+        ({"threshold": 16, "read_noise": 0.3}, 16),
+        ({"threshold": 2, "read_noise": 0.4}, 2),
+        ({"threshold": [19, 21] * 4}, 19),
+        ({"threshold": np.tile([[19, 21]], (4, 2))}, 19),
+        ({"threshold": 20, "gain": np.tile([18.0, 22.0], 4)}, 17),
+        ({"threshold": [1, 20] * 4}, 1),
+        ({"threshold": 20, "gain": np.tile([1.0, 64.0], 4)}, 1),
+        ({"bit_depth": 2, "read_noise": 0.3}, 1),
+    ],
+    ids=str,
+)
+def test_the_threshold_is_that_of_readings_that_are_nearly_alike(options, threshold):
+    sensor = jl.Sensor(**{"frames": 8, "gain": 160.0} | options)
+    assert reference_sensor(sensor).threshold == threshold
+
+
+def test_bits_with_read_noise_have_the_dark_counts_of_as_many_ones():
+    sensor = jl.Sensor(frames=8, gain=16.0, threshold=2, read_noise=0.4, dark_counts=0.2)
+    reference = reference_sensor(sensor)
+    bits = sensor.replace(frames=100_000).expose(np.zeros((1, 4)), rng=0)
+    expected = bits.to_array().mean()
+    assert reference.threshold == 2
+    assert detection_probability(2, reference.dark_counts) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("intensity", [0.1, 0.15, 2.0, 3.0])
+@pytest.mark.parametrize(
+    "options", [{"threshold": 16, "read_noise": 0.3}, {"threshold": [15, 17] * 8}], ids=str
+)
+def test_counts_tell_nothing_about_light_of_which_the_readings_tell_nothing(options, intensity):
+    """Trials with the threshold 1 had up to 250,000 times the information of these readings."""
+    sensor = jl.Sensor(frames=16, gain=384.0, max_intensity=9.0, **options)
+    joint = joint_likelihood(sensor.expose(np.full((24, 24), intensity), rng=0), sensor, None)
+    merged = Merging(joint).near_neighbors()
+    light = merged.sensor.light_per_intensity
+    each = light**2 * reading_information(merged.sensor, np.array([light * intensity]))
+    ratio = float(np.mean(merged.trials) * each[0] / joint.information(intensity)[0, 0])
+    assert 0.05 < ratio < 20

@@ -134,12 +134,14 @@ class Merging:
         joint, near = self.joint, intensity.astype(np.float64)
         if not self.thresholds_differ:  # the counts of others are averaged, so intensities stay
             near = self._toward_most_likely(near)
-        ones, trials = complete_trials(*_real_counts(joint, near), joint.trials > 0)
+        ones, trials, rate = _real_counts(joint, near)
+        reference = reference_sensor(joint.sensor)
+        threshold = int(reference.threshold)
+        ones, trials = complete_trials(ones, trials, rate, joint.trials > 0, threshold)
         if pattern is None and self.thresholds_differ:
             ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
         ones, trials = np.minimum(ones, MAX_TRIALS), np.minimum(trials, MAX_TRIALS)
         whole, trials = whole_counts(ones, trials, pattern, joint.threads)
-        reference = reference_sensor(joint.sensor)
         efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
         share = light_share(joint.sensor, reference)
         return Merged(
@@ -234,7 +236,8 @@ def _intensity(fraction: Array, sensor: Sensor) -> Array:
     one = np.clip(fraction, 0, MAX_FRACTION)
     # Dead pixels have no efficiency.
     slope = np.where(efficiency > 0, efficiency, 1.0) * reference.light_per_intensity
-    return np.maximum(intensity_at_probability(1, one, 1 - one, slope, dark_counts), 0)
+    threshold = int(reference.threshold)
+    return np.maximum(intensity_at_probability(threshold, one, 1 - one, slope, dark_counts), 0)
 
 
 def _jots_of_counts(sensor: Sensor, reference: Sensor) -> tuple[float | Array, float | Array]:
@@ -286,5 +289,6 @@ def _real_counts(
     gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
     information = np.where(is_known, joint.information(near), 0.0)
     with np.errstate(over="ignore"):  # where some jots of a pixel are far from saturated
-        ones, trials = linear_counts(gradient, information, slope, rate, rate)
+        threshold = int(reference.threshold)
+        ones, trials = linear_counts(gradient, information, slope, rate, rate, threshold)
     return ones, trials, rate

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array
-from jotlight.sensing.likelihood.multibit import ReadingLikelihood
+from jotlight.sensing.likelihood.multibit import ReadingLikelihood, reading_probability
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.parameters.response import JotResponse, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -19,13 +19,18 @@ MAX_RATE = 0.25
 half of the readings, for readings of several bits. With so little light, the number of trials
 hardly depends on the estimate, which is noisy itself."""
 
-_MAX_DARK_COUNTS = 3.0
-"""Maximum dark counts of a jot of the reference sensor. With more, nearly all of its bits would be
-ones, and a count that is rounded to a whole number would say something else."""
+_MAX_DARK = 1 - math.exp(-3.0)
+"""Maximum fraction of ones of the reference sensor in darkness. With more, nearly all of its bits
+would be ones, and a count that is rounded to a whole number would say something else."""
 
 
 def reference_sensor(sensor: Sensor) -> Sensor:
-    """Return the sensor with one gain and threshold 1 to which equivalent counts refer.
+    """Return the sensor with one gain and one threshold to which equivalent counts refer.
+
+    Its threshold is 1 for readings of several bits, and for bits with different gains or thresholds
+    that respond over a wide range of light, as in a bracket. For bits that are nearly alike, it is
+    nearly theirs. Otherwise few trials would tell much about light of which the readings tell
+    nothing, because it is far below or far above their thresholds.
 
     At the light at which half of the least sensitive readings are ones, half of its bits are ones.
     So it is not saturated where the readings are not, and its trials are at least about as many as
@@ -38,14 +43,18 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     --------
     >>> reference_sensor(jl.Sensor(frames=4, gain=[2.0, 2.0, 16.0, 16.0])).gain
     8.0
+    >>> reference_sensor(jl.Sensor(frames=4, gain=40.0, threshold=10, read_noise=0.3))
+    Sensor(frames=4, gain=40.0, threshold=10, ...)
     """
     if sensor.has_plain_bits and sensor.threshold == 1:
         return sensor
+    threshold = _typical_threshold(sensor)
+    half = float(inverse_detection_probability(threshold, 0.5, 0.5))
     per_frame, photons = [], 0.0
     for group in sensor.groups():
         own = group.sensor
         rate = half_rate(own)
-        share = math.log(2) / rate
+        share = half / rate
         if own.bit_depth > 1:
             brightest = own.light_per_intensity * own.max_intensity + reference_jot(own).dark_counts
             share = min(1.0, MAX_RATE / min(brightest, rate))
@@ -54,9 +63,40 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     # In the dark, trials that would receive as many photons say as much as the readings.
     least = photons * sensor.oversampling**2 / MAX_TRIALS
     gain = max(min(per_frame), least) * sensor.frames
-    reference = sensor.replace(threshold=1, gain=gain, bit_depth=1, read_noise=0.0)
+    reference = sensor.replace(threshold=threshold, gain=gain, bit_depth=1, read_noise=0.0)
     dark_counts = reference_dark_counts(sensor, reference, sensor.dark_counts)
     return reference.replace(dark_counts=dark_counts)
+
+
+def _typical_threshold(sensor: Sensor) -> int:
+    """Return the threshold whose response rises over as wide a range of light as the readings.
+
+    A bit with threshold q compares the light with a quantity whose logarithm has the mean ψ(q) and
+    the variance ψ'(q), if its rate is that of a Poisson process. Read noise adds to this variance,
+    and so does the variance of the means of readings that differ.
+    """
+    if sensor.bit_depth > 1:
+        return 1  # of a bracket of thresholds from 1 upward
+    from scipy.special import polygamma, psi
+
+    groups = sensor.groups()
+    thresholds = np.array([float(group.sensor.threshold) for group in groups])
+    light = np.array([group.sensor.light_per_intensity for group in groups])
+    weights = np.array([len(group.frames) * live_share(group.sensor) for group in groups])
+    weights = np.maximum(weights, 1e-9)
+    rates = np.exp(psi(thresholds))
+    centers = np.log(rates / light)
+    squares = (centers - np.average(centers, weights=weights)) ** 2
+    noise = polygamma(1, thresholds) + (sensor.read_noise / rates) ** 2
+    variance = np.average(noise + squares, weights=weights)
+    candidates = np.arange(1, int(thresholds.max()) + 1)
+    distances = np.abs(np.log(polygamma(1, candidates) / variance))
+    return int(candidates[np.argmin(distances)])
+
+
+def live_share(sensor: Sensor) -> float:
+    """Return the fraction of the jots that are not dead."""
+    return 1.0 if sensor.mask is None else 1 - float(np.mean(sensor.mask))
 
 
 def light_share(sensor: Sensor, reference: Sensor) -> float | None:
@@ -93,9 +133,10 @@ def reference_dark_counts(
 ) -> float | Array:
     """Return the dark counts of the reference sensor in place of dark counts and read noise.
 
-    A jot of the reference sensor gets a share of the light, and the same share of the dark counts,
-    but at most 3. Read noise counts as dark counts of the same variance, or as fewer, with which
-    bits tell as much about darkness as the readings.
+    A jot of the reference sensor gets a share of the light, and the same share of the dark counts.
+    At most 95 % of its bits are ones in darkness. Read noise counts as dark counts of the same
+    variance, or as fewer: with threshold 1, those with which bits tell as much about darkness as
+    the readings, and with others those with which they are ones as often.
 
     Parameters
     ----------
@@ -112,18 +153,21 @@ def reference_dark_counts(
     >>> reference_dark_counts(sensor, sensor.replace(gain=0.25), 40.0)
     0.1
     """
-    dark = np.asarray(dark_counts, np.float64)
+    dark, threshold = np.asarray(dark_counts, np.float64), int(reference.threshold)
     share = reference.light_per_intensity / min(
         group.sensor.light_per_intensity for group in sensor.groups()
     )
     found = (1.0 if math.isclose(share, 1) else share) * (dark + sensor.read_noise**2)
     if sensor.read_noise:
-        found = np.minimum(found, _noise_floor(sensor, reference, dark))
-    found = np.minimum(found, _MAX_DARK_COUNTS)
+        distinct, places = np.unique(dark, return_inverse=True)
+        floor = _as_informative if threshold == 1 else _as_often_ones
+        found = np.minimum(found, floor(sensor, reference, distinct)[places].reshape(dark.shape))
+    largest = inverse_detection_probability(threshold, _MAX_DARK, 1 - _MAX_DARK)
+    found = np.minimum(found, largest)
     return float(found) if dark.ndim == 0 else np.asarray(found)
 
 
-def _noise_floor(sensor: Sensor, reference: Sensor, dark: Array) -> Array:
+def _as_informative(sensor: Sensor, reference: Sensor, dark: Array) -> Array:
     """Return the dark counts with which bits tell as much about darkness as readings with noise.
 
     With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0. T is
@@ -131,17 +175,32 @@ def _noise_floor(sensor: Sensor, reference: Sensor, dark: Array) -> Array:
     as readings that are all 0. Readings of several bits count as whether they are 0: the
     information of larger ones, which are rare in the dark, vanishes with the least light.
     """
-    distinct, places = np.unique(dark, return_inverse=True)
-    information, total_light = np.zeros(len(distinct)), 0.0
+    information, total_light = np.zeros(len(dark)), 0.0
     for group in sensor.groups():
         own, light = group.sensor, group.sensor.light_per_intensity
         response = JotResponse(1, own.read_noise, own.threshold)
-        none = np.zeros((len(distinct), 0), np.int32)
-        cells = ReadingLikelihood(response, none, False, 1.0, distinct)
-        share = 1.0 if own.mask is None else float(1 - own.mask.mean())
-        total_light += len(group.frames) * share * light
-        information += len(group.frames) * share * light**2 * cells.information_per_reading(0.0)
+        none = np.zeros((len(dark), 0), np.int32)
+        cells = ReadingLikelihood(response, none, False, 1.0, dark)
+        number = len(group.frames) * live_share(own)
+        total_light += number * light
+        information += number * light**2 * cells.information_per_reading(0.0)
     # Far from darkness, a reading of 0 is so rare that its information vanishes.
     with np.errstate(divide="ignore", over="ignore"):
-        floor = np.log1p(total_light * reference.light_per_intensity / information)
-    return np.asarray(floor[places].reshape(dark.shape))
+        return np.asarray(np.log1p(total_light * reference.light_per_intensity / information))
+
+
+def _as_often_ones(sensor: Sensor, reference: Sensor, dark: Array) -> Array:
+    """Return the dark counts with which bits are ones in darkness as often as noisy readings.
+
+    Bits with a threshold above 1 tell nearly nothing about darkness, so their information does not
+    determine the dark counts.
+    """
+    groups = sensor.groups()
+    each = [
+        reading_probability(
+            1, dark, read_noise=group.sensor.read_noise, threshold=int(group.sensor.threshold)
+        )
+        for group in groups
+    ]
+    mean = np.average(each, axis=0, weights=[len(group.frames) for group in groups])
+    return inverse_detection_probability(int(reference.threshold), mean, 1 - mean)

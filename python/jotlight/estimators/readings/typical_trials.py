@@ -3,7 +3,7 @@
 import numpy as np
 
 from jotlight.estimators.merge_readings import linear_counts, mean_jots
-from jotlight.estimators.readings.reference_sensors import reference_sensor
+from jotlight.estimators.readings.reference_sensors import live_share, reference_sensor
 from jotlight.sensing.likelihood.reference import reading_information
 from jotlight.sensing.sensor import Sensor
 
@@ -25,21 +25,18 @@ def typical_trials(sensor: Sensor) -> float:
     """
     if sensor.has_plain_bits:
         return float(sensor.trials)
-    live = max(_live_share(sensor), 1e-9)
+    live = max(live_share(sensor), 1e-9)
     reference, intensity = reference_sensor(sensor), _TYPICAL_INTENSITY * sensor.max_intensity
     information = 0.0
     for group in sensor.groups():
         own = group.sensor
-        share = _live_share(own) / live
+        share = live_share(own) / live
         light = np.array([own.light_per_intensity * intensity])
         each = own.trials * own.light_per_intensity**2 * reading_information(own, light)[0]
         information += share * each
     efficiency, dark_counts = (float(np.mean(part)) for part in mean_jots(reference))
     slope = efficiency * reference.light_per_intensity
     rate = np.array(slope * intensity + dark_counts)
-    return float(linear_counts(np.array(0.0), np.array(information), slope, rate, rate)[1])
-
-
-def _live_share(sensor: Sensor) -> float:
-    """Return the fraction of the jots that are not dead."""
-    return 1.0 if sensor.mask is None else 1 - float(np.mean(sensor.mask))
+    threshold = int(reference.threshold)
+    trials = linear_counts(np.array(0.0), np.array(information), slope, rate, rate, threshold)[1]
+    return float(trials)

@@ -7,6 +7,7 @@ import jotlight._engine as engine
 from jotlight.array_types import Array
 from jotlight.estimators.readings.neighbors import each_filter
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
+from jotlight.sensing.parameters.response import detection_probability
 
 
 def diffuse(values: Array, is_known: npt.NDArray[np.bool_], threads: int | None = None) -> Array:
@@ -51,7 +52,11 @@ def carry_debts(values: Array) -> Array:
 
 
 def complete_trials(
-    ones: Array, trials: Array, rate: Array, is_known: npt.NDArray[np.bool_] | None = None
+    ones: Array,
+    trials: Array,
+    rate: Array,
+    is_known: npt.NDArray[np.bool_] | None = None,
+    threshold: int = 1,
 ) -> tuple[Array, Array]:
     """Return ones and trials, where pixels of less than one trial are completed to one.
 
@@ -66,6 +71,8 @@ def complete_trials(
         The expected detections of a trial.
     is_known : ndarray of bool, shape (H, W), optional
         The pixels with data. Default: all.
+    threshold : int
+        The threshold of the trials.
 
     Examples
     --------
@@ -76,7 +83,7 @@ def complete_trials(
     missing = np.maximum(1 - trials, 0)
     if is_known is not None:
         missing = np.where(is_known, missing, 0.0)
-    return ones - missing * np.expm1(-rate), trials + missing
+    return ones + missing * detection_probability(threshold, rate), trials + missing
 
 
 def whole_counts(

@@ -254,7 +254,8 @@ class ReadingCounts:
         floor = reference_dark_counts(gray, reference, dark)
         rate = np.maximum(share * light + floor, 1e-9)
         gradient, information = weight * (fraction - mean), weight * slope
-        ones, number = linear_counts(gradient, information, share, rate, rate)
+        threshold = int(reference.threshold)
+        ones, number = linear_counts(gradient, information, share, rate, rate, threshold)
         whole = diffuse(np.where(known, ones, 0.0), known, threads)
         number = np.maximum(np.where(known, number, 0.0), whole)
         return dataclasses.replace(

@@ -79,7 +79,8 @@ def join_thresholds(merged: Sequence[Merged], sensor: Sensor, threads: int | Non
     efficiency, dark_counts = mean("efficiency"), mean("dark_counts")
     slope = efficiency * reference.light_per_intensity
     rate = np.maximum(slope * light + dark_counts, _MIN_RATE)
-    ones, trials = linear_counts(gradient, information, slope, rate, rate)
+    threshold = int(reference.threshold)
+    ones, trials = linear_counts(gradient, information, slope, rate, rate, threshold)
     is_known = information > 0
     whole = diffuse(np.where(is_known, ones, 0.0), is_known, threads)
     return Merged(
