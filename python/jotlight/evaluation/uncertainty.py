@@ -32,6 +32,7 @@ from jotlight.evaluation.intervals.color_intervals import (
 )
 from jotlight.evaluation.intervals.intervals import find_intervals
 from jotlight.evaluation.intervals.known_estimate import read_estimate
+from jotlight.evaluation.intervals.widened_intervals import widen_intervals
 from jotlight.evaluation.many_trials import trials_of
 from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.reconstruct import reconstruct
@@ -143,7 +144,8 @@ def uncertainty(
     "large", and "extra-large" have been measured on photographs, depending on brightness, local
     activity, and K. From four trials per pixel, the data correct them: the bits are divided into
     two random halves, and the estimates from one half are compared with the other. For all other
-    methods and networks, the squared difference from the estimate of "medium" is added.
+    methods and networks, the squared difference from the estimate of "medium" is added. Where
+    readings tell less about other light than about the estimate, their intervals are wider.
 
     Behind a mosaic, the errors of the color network replace those of the gray networks. There may
     be up to 1,000 trials per pixel.
@@ -228,6 +230,7 @@ def _of_gray_images(
         found = _of_gray_images(
             merged, reference, request, estimate, confidence_level, trials_of(sensor)
         )
+        found = widen_intervals(found, np.asarray(estimate), sensor)
         return with_saturation(found, images, sensor, threads)
     check_errors_known(method, sensor)
     if estimate is None:

@@ -6,5 +6,6 @@ In reading order:
   ``unlikely``: where the data contradict an estimate.
 - ``interval_pixels``, ``intervals``: gray images. ``channel_intervals``: three channels.
   ``color_intervals``: mosaics.
+- ``widened_intervals``: where readings tell less than their equivalent counts.
 - ``known_estimate``: checks of an estimate of the caller.
 """

@@ -1,0 +1,97 @@
+"""Intervals where readings tell less about the light than their equivalent counts."""
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.array_types import Array
+from jotlight.estimators.readings.neighbors import min_intensity
+from jotlight.estimators.readings.reference_sensors import live_share, reference_sensor
+from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.evaluation.intervals.interval_pixels import stabilize
+from jotlight.sensing.likelihood.reference import reading_information, reference_jot
+from jotlight.sensing.sensor import Sensor
+
+_NODES = 1025
+"""Number of intensities at which the information is computed. Others are interpolated."""
+
+
+def widen_intervals(
+    found: Uncertainty, estimate: npt.NDArray[np.floating], sensor: Sensor
+) -> Uncertainty:
+    """Return the uncertainty with intervals that are as long as the readings' information says.
+
+    Equivalent counts tell as much as the readings at the estimate only. Farther away, readings may
+    tell less: those of a bracket with threshold 8 tell nearly nothing about light that is below all
+    of its thresholds, but trials with threshold 1 do. So each end moves outward until it is as many
+    standard deviations from the estimate for the readings as it was for the counts. The number of
+    standard deviations is the integral of √I over the intensity, where I is the information of a
+    pixel with median jots. No end moves inward.
+
+    Parameters
+    ----------
+    found : Uncertainty
+        The uncertainty by equivalent counts, in units of intensity.
+    estimate : ndarray of float
+        The estimate.
+    sensor : Sensor
+        The sensor of the readings.
+
+    Examples
+    --------
+    >>> sensor = jl.Sensor(frames=8, threshold=8, gain=[1.0, 8.0, 64.0, 512.0] * 2)
+    >>> one = np.full((1, 1), 0.02, np.float32)
+    >>> flags = dict.fromkeys(("unlit", "saturated", "dead", "unlikely"), one > 1)
+    >>> found = jl.Uncertainty(one / 4, one / 2, 2 * one, **flags, confidence_level=0.95)
+    >>> wider = widen_intervals(found, one, sensor)
+    >>> wider.low.round(3).tolist(), wider.high.round(3).tolist()
+    ([[0.0]], [[0.04]])
+    """
+    reference, light = reference_sensor(sensor), _nodes(sensor)
+    information = _information(sensor, light)
+    distance = _integral(np.sqrt(information), light)
+
+    def deviations(intensity: Array) -> Array:
+        return 2 * stabilize(intensity, reference, *reference_jot(reference))
+
+    own, low, high = (each.astype(np.float64) for each in (estimate, found.low, found.high))
+    per_trial = _information(reference, light) / reference.trials
+    trials = information / np.maximum(per_trial, np.finfo(np.float64).tiny)
+    scale = np.sqrt(np.interp(own, light, trials))
+    place = np.interp(own, light, distance)
+    lower = place - scale * (deviations(own) - deviations(low))
+    upper = place + scale * (deviations(high) - deviations(own))
+    low = np.minimum(low, np.interp(lower, distance, light))
+    high = np.maximum(high, np.interp(upper, distance, light))
+    return dataclasses.replace(
+        found,
+        low=low.astype(np.float32),
+        high=high.astype(np.float32),
+        unlit=found.unlit | ((low <= 0) & ~found.dead),
+    )
+
+
+def _nodes(sensor: Sensor) -> Array:
+    """Return intensities from 0 to S."""
+    least = min_intensity(sensor)
+    return np.concatenate([[0.0], np.geomspace(least, sensor.max_intensity, _NODES - 1)])
+
+
+def _information(sensor: Sensor, intensity: Array) -> Array:
+    """Return the information of a pixel with median jots about its intensity.
+
+    At intensity 0, it is that at the next one, because it may be infinite at 0.
+    """
+    inside, total = np.maximum(intensity, intensity[1]), np.zeros(intensity.shape)
+    for group in sensor.groups():
+        own, light = group.sensor, group.sensor.light_per_intensity
+        number = own.trials * live_share(own)
+        total += number * light**2 * reading_information(own, light * inside)
+    return total
+
+
+def _integral(values: Array, nodes: Array) -> Array:
+    """Return the integral of values from the first node to each node, by trapezoids."""
+    steps = np.diff(nodes) * (values[1:] + values[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(steps)])
