@@ -40,13 +40,13 @@ def widen_intervals(
 
     Examples
     --------
-    >>> sensor = jl.Sensor(frames=8, threshold=8, gain=[1.0, 8.0, 64.0, 512.0] * 2)
-    >>> one = np.full((1, 1), 0.02, np.float32)
+    >>> sensor = jl.Sensor(frames=2, threshold=8, gain=[1.0, 64.0])
+    >>> one = np.full((1, 1), 0.04, np.float32)  # 2.6 photons
     >>> flags = dict.fromkeys(("unlit", "saturated", "dead", "unlikely"), one > 1)
-    >>> found = jl.Uncertainty(one / 4, one / 2, 2 * one, **flags, confidence_level=0.95)
+    >>> found = jl.Uncertainty(one / 8, one / 2, 2 * one, **flags, confidence_level=0.95)
     >>> wider = widen_intervals(found, one, sensor)
-    >>> wider.low.round(3).tolist(), wider.high.round(3).tolist()
-    ([[0.0]], [[0.04]])
+    >>> found.low.round(3).tolist(), wider.low.round(3).tolist()
+    ([[0.02...]], [[0.0]])
     """
     reference, light = reference_sensor(sensor), _nodes(sensor)
     information = _information(sensor, light)
