@@ -39,18 +39,9 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import (
-    DEFAULT_SIZE,
-    pretrained,
-    pretrained_conditional,
-)
+from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.data.data_lists import carried_sensor
-from jotlight.sensing.data.pixel_counts import (
-    Data,
-    GrayImages,
-    gray_images,
-    prepare_data,
-)
+from jotlight.sensing.data.pixel_counts import Data, GrayImages, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 EXACT_METHOD = "mle"
