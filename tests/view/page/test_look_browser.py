@@ -78,3 +78,12 @@ def test_the_image_does_not_cover_what_has_the_focus(opened, width, height):
         for _ in range(31):
             tab.keyboard.press(key)
             assert tab.evaluate(COVERED) is None
+
+
+def test_a_tablet_gets_targets_that_a_finger_hits(opened):
+    tablet = {"width": 1180, "height": 820}
+    tab = opened("method=mle", viewport=tablet, is_mobile=True, has_touch=True)
+    targets = tab.locator("button:visible, select:visible, summary:visible, .check:visible")
+    assert targets.count() > 20
+    for index in range(targets.count()):
+        assert targets.nth(index).bounding_box()["height"] >= 40
