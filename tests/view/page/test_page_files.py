@@ -17,6 +17,11 @@ def test_only_the_messages_of_the_page_are_said_when_they_change():
     said = re.findall(r'<(\w+)[^>]* id="([^"]+)"[^>]* role="(?:status|alert)"', text)
     assert said == [("p", "address-note"), ("p", "status"), ("p", "toast")]
     assert "<output" not in text
+    # A part that appears together with its text is not said.
+    hidden = re.findall(
+        r"([^\n}]*):empty \{ display: none", read("layout.css") + read("controls.css")
+    )
+    assert not {".stage-note", ".toast", "#toast"} & {each.strip() for each in hidden}
 
 
 def test_what_describes_a_control_exists():
