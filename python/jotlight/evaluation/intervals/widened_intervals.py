@@ -20,14 +20,15 @@ _NODES = 1025
 def widen_intervals(
     found: Uncertainty, estimate: npt.NDArray[np.floating], sensor: Sensor
 ) -> Uncertainty:
-    """Return the uncertainty with intervals that are as long as the readings' information says.
+    """Return the uncertainty with intervals that begin where the readings' information says.
 
     Equivalent counts tell as much as the readings at the estimate only. Farther away, readings may
     tell less: those of a bracket with threshold 8 tell nearly nothing about light that is below all
-    of its thresholds, but trials with threshold 1 do. So each end moves outward until it is as many
-    standard deviations from the estimate for the readings as it was for the counts. The number of
-    standard deviations is the integral of √I over the intensity, where I is the information of a
-    pixel with median jots. No end moves inward.
+    of its thresholds, but trials with threshold 1 do. So each lower end moves down until it is as
+    many standard deviations from the estimate for the readings as it was for the counts. The number
+    of standard deviations is the integral of √I over the intensity, where I is the information of a
+    pixel with median jots. No lower end moves up. Upper ends stay. Saturated pixels have a rule of
+    their own, and near them errors are those of edges, which do not follow the information.
 
     Parameters
     ----------
@@ -55,19 +56,15 @@ def widen_intervals(
     def deviations(intensity: Array) -> Array:
         return 2 * stabilize(intensity, reference, *reference_jot(reference))
 
-    own, low, high = (each.astype(np.float64) for each in (estimate, found.low, found.high))
+    own, low = (each.astype(np.float64) for each in (estimate, found.low))
     per_trial = _information(reference, light) / reference.trials
     trials = information / np.maximum(per_trial, np.finfo(np.float64).tiny)
     scale = np.sqrt(np.interp(own, light, trials))
-    place = np.interp(own, light, distance)
-    lower = place - scale * (deviations(own) - deviations(low))
-    upper = place + scale * (deviations(high) - deviations(own))
-    low = np.minimum(low, np.interp(lower, distance, light))
-    high = np.maximum(high, np.interp(upper, distance, light))
+    place = np.interp(own, light, distance) - scale * (deviations(own) - deviations(low))
+    low = np.minimum(low, np.interp(place, distance, light))
     return dataclasses.replace(
         found,
         low=low.astype(np.float32),
-        high=high.astype(np.float32),
         unlit=found.unlit | ((low <= 0) & ~found.dead),
     )
 
