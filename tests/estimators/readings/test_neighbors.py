@@ -57,3 +57,10 @@ def test_averages_of_a_filter_have_as_many_of_its_pixels():
         assert own_sigma(1.5, own) ** 2 * own.mean() == pytest.approx(1.5**2)
     none = np.zeros((4, 4), bool)
     assert own_sigma(1.0, none) == pytest.approx(MAX_FILTERS**0.5)
+
+
+def test_averages_of_zeros_are_those_of_half_a_one():
+    found = average_fractions(np.zeros((24, 24)), np.full((24, 24), 8.0), 2.0)
+    np.testing.assert_allclose(found, 0.5 / (4 * np.pi * 2.0**2 * 8), rtol=1e-6)
+    few = average_fractions(np.zeros((24, 24)), np.full((24, 24), 1e-4), 2.0)
+    np.testing.assert_allclose(few, 0.5, rtol=1e-6)

@@ -103,6 +103,16 @@ def test_photons_of_corrected_counts_are_those_of_a_frame(sensor):
     assert photons == pytest.approx(0.6 * sensor.efficiency * sensor.gain / sensor.frames, rel=0.02)
 
 
+@pytest.mark.parametrize("threshold", [16, [15, 17] * 16], ids=str)
+def test_darkness_below_high_thresholds_has_about_as_many_trials_as_readings(threshold):
+    noise = 0.3 if threshold == 16 else 0.0
+    sensor = jl.Sensor(frames=32, threshold=threshold, gain=32.0, read_noise=noise)
+    converted = counts_of_readings(flat(sensor), None)
+    merged = converted.correct(whole(converted))
+    assert merged.ones.sum() < 0.5 * merged.ones.size
+    assert 16 < np.median(merged.trials) < 80
+
+
 def test_corrected_counts_of_a_bracket_have_no_units_of_photons():
     converted = counts_of_readings(flat(BRACKETS[0]), None)
     assert converted.correct(whole(converted)).light_share is None

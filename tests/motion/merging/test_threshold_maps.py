@@ -128,10 +128,12 @@ def test_joined_counts_have_no_bias_and_state_their_noise(thresholds, intensity)
     joined = join_thresholds(merged, sensor)
     light = joined.sensor.light_per_intensity * joined.efficiency
     rate = light * intensity + joined.dark_counts
-    excess = joined.ones - joined.trials * -np.expm1(-rate)
+    p, step = detection_probability(joined.sensor.threshold, rate), 1e-5
+    slope = light * (detection_probability(joined.sensor.threshold, rate + step) - p) / step
+    excess = joined.ones - joined.trials * p
     # The counts are linear in the bits near the true intensity, so their sum has a normal error.
-    expected = joined.trials * light**2 / np.expm1(rate)
-    gradient = excess * light / -np.expm1(-rate)
+    expected = joined.trials * slope**2 / (p * (1 - p))
+    gradient = excess * slope / (p * (1 - p))
     error = gradient.sum() / expected.sum()
     assert abs(error) < 4 / np.sqrt(information.sum()) + 0.01 * intensity
     assert expected.mean() == pytest.approx(information.mean(), rel=0.1)

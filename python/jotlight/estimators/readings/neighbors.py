@@ -176,6 +176,9 @@ def average_fractions(
 ) -> Array:
     """Return the fraction of ones of each pixel and its neighbors with the same filter, (H, W).
 
+    It is at least that of half a one, because bits with a high threshold tell nothing about
+    darkness.
+
     Parameters
     ----------
     ones, trials : ndarray of shape (H, W)
@@ -193,6 +196,7 @@ def average_fractions(
         total, number = (
             gaussian_filter(np.where(own, part, 0.0), sigma) for part in (ones, trials)
         )
+        total = np.maximum(total, np.minimum(0.5 / (4 * np.pi * sigma**2), number / 2))
         fraction = np.where(own, total / np.maximum(number, 1e-9), fraction)
     return np.asarray(np.clip(fraction, 0, MAX_FRACTION))
 
