@@ -22,10 +22,10 @@ def test_admm_records_its_residuals_and_stops_when_both_are_small(kernel, tol):
     sensor = jl.Sensor(oversampling=4, frames=2, kernel=kernel)
     bits = sensor.expose(scene(16, 16), rng=7)
     estimate, history, estimates = run(jl.admm_tv, bits, sensor, weight=4.0, tol=tol)
-    primal, dual, change = (history.residuals[name] for name in ("primal", "dual", "change"))
+    primal, dual = history.residuals["primal"], history.residuals["dual"]
     assert history.converged
     assert history.iterations == len(primal) == len(dual) == len(estimates)
-    small = (primal <= tol) & (dual <= 10 * tol) & (change <= 10 * tol)
+    small = (primal <= tol) & (dual <= 10 * tol)
     assert small.nonzero()[0].tolist() == [history.iterations - 1]
     assert history.weight == 4.0
     np.testing.assert_array_equal(estimate, estimates[-1].astype(np.float32))
@@ -85,8 +85,7 @@ def test_a_callback_receives_every_iteration_and_may_end_the_run(method):
     if method is jl.mle_iterative:
         assert residuals == list(history.residuals["projected gradient"])
     else:
-        weights = {"primal": 1.0, "dual": 0.1, "change": 0.1}
-        largest = np.max([weights[name] * each for name, each in history.residuals.items()], axis=0)
+        largest = np.maximum(history.residuals["primal"], history.residuals["dual"] / 10)
         np.testing.assert_allclose(residuals, largest, rtol=1e-12)
 
 
@@ -119,23 +118,6 @@ def test_admm_warns_once_when_the_iterations_do_not_suffice():
         _, history = jl.admm_tv(bits, sensor, max_iter=2, return_history=True)
     assert len(caught) == 1
     assert (history.converged, history.iterations) == (False, 2)
-
-
-def test_admm_does_not_end_while_bright_pixels_change():
-    """Saturated pixels have nearly no forces, so residuals alone end the run too early."""
-    image = jl.datasets.photograph("camera")[::16, ::16].astype(float)
-    bits = jl.Sensor(frames=16, gain=160.0).expose(image, rng=1)
-    estimate, history, estimates = run(jl.admm_tv, bits, None)
-    assert history.converged
-    exact = jl.admm_tv(bits, tol=1e-5, weight=history.weight, max_iter=2000)
-    assert np.linalg.norm(estimate - exact) < 0.01 * np.linalg.norm(exact)
-    # The change is that since an earlier iteration.
-    number = history.iterations
-    changes = [
-        np.linalg.norm(estimates[-1] - each) / np.linalg.norm(estimates[-1])
-        for each in estimates[number // 2 - 1 : round(number / 1.4)]
-    ]
-    assert min(changes) * 0.9 <= history.residuals["change"][-1] <= max(changes) * 1.1
 
 
 @pytest.mark.parametrize("kernel", ["box", "quadratic"])

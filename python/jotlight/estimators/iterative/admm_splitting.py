@@ -4,7 +4,6 @@ All arrays are those of a stack of images, which do not affect each other.
 """
 
 import functools
-import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -28,9 +27,6 @@ BALANCE_INTERVAL = 10
 
 BALANCE = 0.1
 """The weight of the dual residual: the run ends at a primal one of tol and a dual one of 10 tol."""
-
-CHANGE = 0.1
-"""The weight of the change of the images, which is then at most 10 tol."""
 
 _BALANCE_DAMPING = 0.8
 """The factor by which each adjustment of the penalties weakens the next, so that they end."""
@@ -81,7 +77,6 @@ class Splitting:
             image = np.empty((len(level), *self._operator.input_shape))
             image[:] = each_image(level, image)
         self._image = image
-        self._earlier = _EarlierImages(image)
         self._exponent = np.ones(len(image))
         """The power of the next adjustment of the penalties, (N,)."""
         self._equations = NormalEquations(self._operator, min(_CG_TOLERANCE, 0.01 * tol), threads)
@@ -103,13 +98,8 @@ class Splitting:
         """The largest light of a cell at the intensity S."""
         return self._data.max_light
 
-    def step(self) -> tuple[Array, Array, Array]:
-        """Update the images and all terms. Return the residuals and the change, relative, (N,).
-
-        They are the primal and the dual residual, and the change of the images since about half to
-        0.7 times as many iterations. In bright scenes, saturated pixels have nearly no forces, so
-        residuals are small long before these pixels are near the solution.
-        """
+    def step(self) -> tuple[Array, Array]:
+        """Update the images and all terms. Return the relative primal and dual residuals, (N,)."""
         right = _sum(term.right_hand_side() for term in self._terms)
         penalties = [term.penalty for term in self._terms]
         image = self._image = self._equations.solve(right, penalties, self._image)
@@ -117,13 +107,11 @@ class Splitting:
         size, change = dots(image, image), _sum(changes)
         # Dark images have a small norm, so it is bounded from below.
         dark = _DARK * self._scale
-        scale = size + image[0].size * dark**2
-        primal = _relative(_sum(distances), scale)
+        primal = _relative(_sum(distances), size + image[0].size * dark**2)
         # Without a prior the multipliers vanish, and the stiffness of the likelihood is the scale.
         min_force = _MIN_FORCE * self._stiffness
         forces = _sum(term.squared_force() for term in self._terms) + min_force**2 * size
-        moved = _relative(self._earlier.squared_distance(image), scale)
-        return primal, _relative(dots(change, change), forces), moved
+        return primal, _relative(dots(change, change), forces)
 
     def estimates(self) -> Array:
         """Return the images in [0, S], (N, H, W)."""
@@ -137,7 +125,6 @@ class Splitting:
             select(each, images)
             for each in (self._image, self._scale, self._stiffness, self._exponent)
         )
-        self._earlier.select(images)
         for term in self._terms:
             term.select(images)
 
@@ -153,31 +140,6 @@ class Splitting:
             for term in self._terms:
                 term.rescale(np.where(unbalanced, change, 1.0))
         self._exponent = np.where(unbalanced, self._exponent * _BALANCE_DAMPING, self._exponent)
-
-
-class _EarlierImages:
-    """The images of an earlier iteration, whose number is about half to 0.7 times the current one.
-
-    If the error falls exponentially, the change since then is about as large as the error at that
-    time, however slowly it falls.
-    """
-
-    def __init__(self, start: Array) -> None:
-        self._older = self._newer = start
-        self._iteration, self._next = 0, 1
-
-    def squared_distance(self, image: Array) -> Array:
-        """Return the squared change of the images of the next iteration, (N,)."""
-        self._iteration += 1
-        difference = image - self._older
-        if self._iteration == self._next:
-            self._older, self._newer = self._newer, image
-            self._next = math.ceil(math.sqrt(2) * self._iteration)
-        return dots(difference, difference)
-
-    def select(self, images: npt.NDArray[np.bool_]) -> None:
-        """Keep only the images of a mask (N,)."""
-        self._older, self._newer = (select(each, images) for each in (self._older, self._newer))
 
 
 def _mean_information(problem: Problem, level: Array) -> Array:
