@@ -1,4 +1,4 @@
-"""The types of arrays in signatures. Each has one name, and the name is that of the numbers.
+"""The types of arrays in signatures. Each has one name, which says what the numbers are.
 
 A function states the shapes of its arrays in its docstring.
 """
@@ -27,7 +27,7 @@ Colors = npt.NDArray[np.float64]
 """Colors in double precision, on the last axis."""
 
 Mask = npt.NDArray[np.bool_]
-"""Whether something holds for each of the pixels, jots, or other things."""
+"""True or False for each pixel, jot, or other thing."""
 
 Counts = npt.NDArray[np.int32]
 """Numbers of ones, L."""
@@ -39,13 +39,13 @@ AnyIntegers = npt.NDArray[np.integer[Any]]
 """Whole numbers of any type."""
 
 Packed = npt.NDArray[np.uint8]
-"""Packed bits, uint8 (T, H, ceil(W / 8)), the most significant first."""
+"""Packed bits, uint8 (T, H, ceil(W / 8)). The most significant bit of a byte is its first jot."""
 
 Levels = npt.NDArray[np.uint8]
 """Levels of brightness from 0 to 255, as files and displays take them."""
 
 Pattern = npt.NDArray[np.uint8]
-"""The number of the color filter of each pixel, or of each one of a period."""
+"""The number of the color filter of each pixel, or of each pixel of a period."""
 
 Labels = npt.NDArray[np.uint8]
 """The number of the object of each pixel."""

@@ -180,7 +180,7 @@ def refuse_masked(
 
 
 def refuse_data(name: str, data: object) -> None:
-    """Raise TypeError for data, or a list of data, of whose frames NumPy would make an array."""
+    """Raise TypeError for data, or a list of data, whose frames NumPy would turn into an array."""
     for each in data if isinstance(data, list | tuple) else [data]:
         if (advice := _ADVICE.get(type(each).__name__)) is not None:
             raise TypeError(f"{name}: expected an array, got {type(each).__name__}; {advice}")

@@ -65,8 +65,8 @@ class SeveralArraysError(ValueError):
     ) -> Self:
         """Return the error for a file of some arrays, and a key that is none of their names.
 
-        `unreadable` holds the names of arrays that cannot be read, and the reason of each in a
-        word.
+        `unreadable` holds the names of arrays that cannot be read, and for each a word that says
+        why.
 
         Examples
         --------
@@ -196,7 +196,7 @@ def needs_module(name: str, message: str) -> Iterator[None]:
 def import_extra(name: str, extra: str, purpose: str, instead: str = "") -> Any:
     """Return an optional module.
 
-    `instead` says what the caller may do without it.
+    `instead` says what the caller can do without the package.
 
     Raises
     ------

@@ -78,8 +78,8 @@ def merge_readings(
     the largest one, the ones are 0 or n, and n has the same derivative at the intensity at which
     half a one or half a zero is expected. Ones are rounded to whole numbers. Trials are then scaled
     such that the maximum stays the same. Where there is less than half a one, and the likelihood of
-    darkness is at least 1/e of the highest one, the ones become 0 instead, and the trials stay.
-    Read noise causes such pixels.
+    darkness is at least 1/e of the largest likelihood, the ones become 0 instead, and the trials
+    stay. Read noise causes such pixels.
 
     The trials depend on the noise of the readings. So denoisers of these counts are biased if there
     are few readings. :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings
@@ -114,8 +114,8 @@ def merge_images(images: GrayImages, sensor: Sensor, threads: int | None) -> Gra
 def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merged:
     """Return the equivalent counts of a gray image.
 
-    If `keeps_maximum` is true, they have the most likely intensities of the readings also where
-    these may be darkness.
+    If `keeps_maximum` is true, they have the most likely intensities of the readings also in pixels
+    that may be dark.
     """
     if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
         counts = joint.total.astype(np.int32)

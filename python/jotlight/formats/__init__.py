@@ -14,7 +14,7 @@ The folders, each of which imports only those before it, and some of the modules
 - ``files``: parts of files, at paths and URLs, and also from untrusted sources.
 - ``frames``: the frames and counts of a file, its label, and how they are read.
 - ``npy``, ``hdf5``, ``matlab``, ``images``, ``zarr``: the families above.
-- ``opening``: which file is opened.
+- ``opening``: how a capture is found and opened.
 """
 
 from jotlight.formats.reading import open, open_capture

@@ -22,7 +22,9 @@ def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def drop_transparency(path: Path, images: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return images (..., H, W, C) without their last channel, transparency, which may warn.
+    """Return images (..., H, W, C) without their last channel, which is the transparency.
+
+    Warns if a pixel is not opaque.
 
     Examples
     --------

@@ -113,7 +113,7 @@ def _lower_sum(threshold: int, rate: Tensor) -> Tensor:
 def _number_of_terms(threshold: int) -> int:
     """Return how many terms the sums need where a probability is below 10⁻²⁸⁰.
 
-    The rate is so far from q that each term is below the one before it by exp(-36/√q) or less.
+    The rate is so far from q that each term is at most exp(-36/√q) times the one before it.
     """
     return min(threshold, 10 + math.ceil(1.2 * math.sqrt(threshold)))
 

@@ -137,9 +137,10 @@ def plan_brackets(
 
     The SNR is that of a statistic close to the estimate
     (:mod:`jotlight.estimators.planning.planned_estimates`). It is up to 1 dB above that of
-    `jotlight.mle` for 48 frames or more, and up to 2 dB for fewer, where single frames of a setting
-    decide. S of the plan's sensor is that of `sensor` if it covers the range. Otherwise it is the
-    larger one of the maximum of the range, and the intensity half a reading below saturation.
+    `jotlight.mle` for 48 frames or more. For fewer frames, it is up to 2 dB above, because single
+    frames of a setting decide. S of the plan's sensor is that of `sensor` if it covers the range.
+    Otherwise it is the larger one of the maximum of the range, and the intensity half a reading
+    below saturation.
 
     Examples
     --------

@@ -3,10 +3,10 @@
 The scores of readings are the derivatives of their log-likelihoods at the true light. Their sum
 determines the estimate: it is the light at which this sum is expected. For equal bits, this is
 `jotlight.mle` exactly. Otherwise `jotlight.mle` uses the scores at its own estimate. Its error then
-differs by up to 0.6 dB for a few readings, and by less than 0.2 dB from about 64 readings on; for
-brackets, by up to 2 dB. With several bits, read noise, and a light of about its error or less, the
-scores at the own estimate differ much from those at the true light, and the error is larger than
-planned (decision 34).
+differs by up to 0.6 dB for a few readings, and by less than 0.2 dB for about 64 readings or more.
+For brackets, it differs by up to 2 dB. The error is larger than planned with several bits, read
+noise, and light that does not exceed its error by much: the scores at the estimate then differ much
+from those at the true light (decision 34).
 
 The Cramér-Rao bound does not say this. Where most information comes from rare readings, such as the
 few zeros of nearly saturated bits, a few frames rarely have one, and are far above the bound.

@@ -1,4 +1,4 @@
-"""The reference sensor of equivalent counts: its gain, and its dark counts."""
+"""The reference sensor of equivalent counts: its threshold, its gain, and its dark counts."""
 
 import math
 
@@ -21,7 +21,7 @@ hardly depends on the estimate, which is noisy itself."""
 
 _MAX_DARK = 1 - math.exp(-3.0)
 """Maximum fraction of ones of the reference sensor in darkness. With more, nearly all of its bits
-would be ones, and a count that is rounded to a whole number would say something else."""
+would be ones, and rounding a count to a whole number would change what it says."""
 
 
 def reference_sensor(sensor: Sensor) -> Sensor:
@@ -29,15 +29,15 @@ def reference_sensor(sensor: Sensor) -> Sensor:
 
     Its threshold is 1 for readings of several bits, and for bits with different gains or thresholds
     that respond over a wide range of light, as in a bracket. For bits that are nearly alike, it is
-    nearly theirs. Otherwise few trials would tell much about light of which the readings tell
-    nothing, because it is far below or far above their thresholds.
+    nearly theirs. With a lower one, few trials would tell much about light far below or far above
+    these thresholds, about which the readings tell nothing.
 
-    At the light at which half of the least sensitive readings are ones, half of its bits are ones.
+    Half of its bits are ones at the light at which half of the least sensitive readings are ones.
     So it is not saturated where the readings are not, and its trials are at least about as many as
-    those of the least sensitive readings. For readings of several bits, a jot of it has the rate
-    1/4, at the largest intensity or at the light that saturates half of the readings, whichever is
-    dimmer, but at most as much light as in the readings. A jot gets more light if dark pixels
-    needed more than :data:`MAX_TRIALS` trials otherwise.
+    those of the least sensitive readings. For readings of several bits, its jots have the rate 1/4
+    at the largest intensity, or at the light that saturates half of the readings if this is dimmer.
+    But they get at most as much light as in the readings. They get more light if dark pixels would
+    otherwise need more than :data:`MAX_TRIALS` trials.
 
     Examples
     --------
@@ -69,14 +69,15 @@ def reference_sensor(sensor: Sensor) -> Sensor:
 
 
 def _typical_threshold(sensor: Sensor) -> int:
-    """Return the threshold whose response rises over as wide a range of light as the readings.
+    """Return the threshold whose bits respond over as wide a range of light as the readings.
 
-    A bit with threshold q compares the light with a quantity whose logarithm has the mean ψ(q) and
-    the variance ψ'(q), if its rate is that of a Poisson process. Read noise adds to this variance,
-    and so does the variance of the means of readings that differ.
+    A bit with threshold q is 1 if its rate exceeds a random number, which has the gamma
+    distribution of the shape q. The logarithm of this number has the mean ψ(q) and the variance
+    ψ'(q). Read noise adds to this variance. If the readings differ, so does the variance of their
+    means.
     """
     if sensor.bit_depth > 1:
-        return 1  # of a bracket of thresholds from 1 upward
+        return 1  # such readings are like a bracket of thresholds from 1 upward
     from scipy.special import polygamma, psi
 
     groups = sensor.groups()
@@ -135,8 +136,9 @@ def reference_dark_counts(
 
     A jot of the reference sensor gets a share of the light, and the same share of the dark counts.
     At most 95 % of its bits are ones in darkness. Read noise counts as dark counts of the same
-    variance, or as fewer: with threshold 1, those with which bits tell as much about darkness as
-    the readings, and with others those with which they are ones as often.
+    variance, or as fewer. With threshold 1, they are at most those with which bits tell as much
+    about darkness as the readings. With a higher threshold, they are at most those with which bits
+    are ones in darkness as often as the readings.
 
     Parameters
     ----------
@@ -171,9 +173,9 @@ def _as_informative(sensor: Sensor, reference: Sensor, dark: Array) -> Array:
     """Return the dark counts with which bits tell as much about darkness as readings with noise.
 
     With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0. T is
-    the number of bits that receive as much light as the readings: as many without a one say as much
-    as readings that are all 0. Readings of several bits count as whether they are 0: the
-    information of larger ones, which are rare in the dark, vanishes with the least light.
+    the number of bits that receive as much light as the readings. If none of them is 1, they say as
+    much as readings that are all 0. Of a reading of several bits, only counts whether it is 0: the
+    information of larger readings, which are rare in the dark, vanishes with the least light.
     """
     information, total_light = np.zeros(len(dark)), 0.0
     for group in sensor.groups():

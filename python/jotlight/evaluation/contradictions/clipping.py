@@ -58,8 +58,9 @@ def warn_about_clipping(
         The sensor of the data.
     bright : callable
         A function that returns which pixels the data show to be brighter
-        (:mod:`jotlight.evaluation.contradictions.bright_pixels`), or None if they do not show it.
-        Then 90 % of the values must be clipped. The function is called only if a value is.
+        (:mod:`jotlight.evaluation.contradictions.bright_pixels`), or None if they cannot
+        show it. The warning then needs 90 % clipped values. The function is called only if a value
+        is clipped.
     data : iterable
         The data. Equivalent counts among them are not valid beyond an intensity, and do not say
         whether their readings are saturated.

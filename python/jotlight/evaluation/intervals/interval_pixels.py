@@ -282,10 +282,10 @@ class Pixels:
         return KnownErrors(estimate, scale, halves, model)
 
     def _find_unlit(self, places: npt.NDArray[np.bool_], tail: float) -> npt.NDArray[np.bool_]:
-        """Return where, of the places, dark counts explain the ones of a pixel.
+        """Return at which of the places dark counts explain the ones of a pixel.
 
-        The errors of a network beside a lamp, or of a moving edge, may exceed an estimate whose
-        ones are evidence of light.
+        At other places, ones are evidence of light, even if the interval begins at 0. The error of
+        a network may exceed the estimate there, such as beside a lamp or at a moving edge.
         """
         dark = detection_probability(self.sensor.threshold, np.asarray(self.dark_counts))
         ones, trials = self.ones[places], self.trials[places]

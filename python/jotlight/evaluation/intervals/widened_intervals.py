@@ -42,10 +42,10 @@ def widen_intervals(
     Examples
     --------
     >>> sensor = jl.Sensor(frames=2, threshold=8, gain=[1.0, 64.0])
-    >>> one = np.full((1, 1), 0.04, np.float32)  # 2.6 photons
-    >>> flags = dict.fromkeys(("unlit", "saturated", "dead", "unlikely"), one > 1)
-    >>> found = jl.Uncertainty(one / 8, one / 2, 2 * one, **flags, confidence_level=0.95)
-    >>> wider = widen_intervals(found, one, sensor)
+    >>> image = np.full((1, 1), 0.04, np.float32)  # 2.6 photons
+    >>> flags = dict.fromkeys(("unlit", "saturated", "dead", "unlikely"), image > 1)
+    >>> found = jl.Uncertainty(image / 8, image / 2, 2 * image, **flags, confidence_level=0.95)
+    >>> wider = widen_intervals(found, image, sensor)
     >>> found.low.tolist(), wider.low.tolist()
     ([[0.0199...]], [[0.0]])
     """

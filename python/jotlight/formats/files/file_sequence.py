@@ -24,8 +24,8 @@ def join_files(
 ) -> npt.NDArray[Any] | Frames:
     """Return the frames of all files as one stack.
 
-    Warns about gaps in the numbers of the files, and about files that hold fewer frames than the
-    others, unless it is the last one.
+    Warns about gaps in the numbers of the files, and about a file with fewer frames than the others
+    that is not the last one. If some files are `finished`, it also warns about those that are not.
 
     Parameters
     ----------
@@ -36,8 +36,9 @@ def join_files(
     parts : sequence of ndarray or Frames
         The frames of each file.
     numbers : sequence of int, optional
-        The numbers of the files, which count them. Default: if all names differ in one number, and
-        its most frequent step divides all others, it counts the files or their frames.
+        The numbers in the names, which count the files. By default, they are the only numbers in
+        which the names differ. They must look as if they counted the files or their frames: their
+        most frequent step divides all others.
     finished : sequence of bool, optional
         Whether each file has the end that the camera writes last. Default: unknown.
     """

@@ -41,10 +41,10 @@ class ListedArray:
 
     label: str | None
     open: Callable[[], StoredArray]
-    """Function that checks and opens the array. It raises ValueError if the array cannot be read,
-    so other arrays of the file can be."""
+    """Function that checks and opens the array. It raises ValueError if the array cannot be read.
+    The other arrays of the file can then still be read."""
     unreadable: str | None = None
-    """Why it cannot be opened, in a word, if the file already says so, or None."""
+    """A word that says why the array cannot be opened, if the file states this, or None."""
 
 
 def bits_label(bits: Bits) -> str:

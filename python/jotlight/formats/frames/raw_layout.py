@@ -1,4 +1,4 @@
-"""The layout of raw frames, which the caller states because their files have no header."""
+"""The layout of raw frames. The caller states it, because the files have no known header."""
 
 import dataclasses
 import re
@@ -23,25 +23,25 @@ _FORM = "rows and columns such as 256x512, and then name=value, such as 256x512,
 class RawLayout:
     """The layout of frames in files that have no header, or one that jotlight does not know.
 
-    Each file holds whole frames. The number of frames follows from its size.
+    Each file begins with a whole frame. Its size determines the number of frames.
 
     Parameters
     ----------
     rows, columns : int
-        H and W, the number of jots of a frame.
+        H and W, the numbers of jots of a frame.
     bit_order : {"big", "little"}
         Which bit of a byte is the first jot: the most significant ("big") or the least significant
         one ("little"), as in `numpy.packbits`.
     dtype : str, optional
         The type of whole numbers, such as ``"uint8"`` or ``">u2"``, if each jot has a number in
-        place of a bit. Numbers are counts, readings of `bit_depth` bits, or with `unpacked` bits.
-        Default: eight bits to a byte.
+        place of a bit. The numbers are counts. `jotlight.open` takes them as readings with
+        `bit_depth`, and as bits with `unpacked`. Default: each byte holds eight bits.
     row_bytes : int, optional
         Distance in bytes from one row to the next. Default: that of rows without padding.
     file_header : int
         Number of bytes before the first frame of each file.
     frame_header, frame_footer : int
-        Number of bytes before and after the rows of each frame.
+        Numbers of bytes before and after the rows of each frame.
 
     Raises
     ------
@@ -94,7 +94,8 @@ class RawLayout:
         Parameters
         ----------
         text : str
-            The rows and columns, and then the other parameters with their names.
+            The rows and columns, and then the other parameters with their names. Commas separate
+            them.
 
         Raises
         ------
@@ -158,7 +159,7 @@ class RawLayout:
 
 
 def as_layout(layout: RawLayout | str | None) -> RawLayout | None:
-    """Return a layout, which may be a text.
+    """Return the layout that a layout or a text states, or None for None.
 
     Raises
     ------
@@ -176,7 +177,7 @@ def as_layout(layout: RawLayout | str | None) -> RawLayout | None:
 
 
 def _whole(name: str, text: str) -> int:
-    """Return a whole number."""
+    """Return the whole number that a text states."""
     if not re.fullmatch(r"\d{1,12}", text, re.ASCII):
         raise ValueError(f"layout: {name} expects a whole number, got {text!r}")
     return int(text)

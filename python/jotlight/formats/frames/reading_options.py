@@ -137,7 +137,7 @@ class ReadingOptions:
 
     @property
     def path_key(self) -> str | None:
-        """The key in a file of groups, whose root may be stated as a slash before it."""
+        """The key in a file of groups, without the slash of the root before it."""
         return None if self.key is None else self.key.lstrip("/")
 
     @property
@@ -147,7 +147,7 @@ class ReadingOptions:
 
     @property
     def is_packed(self) -> bool:
-        """Whether the caller states that bytes hold eight bits, which needs no check."""
+        """Whether the caller states that bytes hold eight bits, so that this needs no check."""
         return self.unpacked is False
 
     @property

@@ -71,7 +71,7 @@ _REFUSALS = {
     "compound": "a table, such as a list of events; jotlight reads arrays of numbers, so convert "
     "it to frames of bits (T, H, W), or to counts (H, W)",
 }
-"""What data sets of each layout are that are not read, and what to do."""
+"""Why data sets of each layout are not read, and what to do instead."""
 
 _FILTERS = {4: "SZIP", 32001: "Blosc", 32004: "LZ4", 32008: "Bitshuffle", 32015: "Zstandard"}
 """Names of filters by their registered numbers."""
@@ -133,9 +133,9 @@ def _naming_file(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _naming_filter(path: Path, data_set: DataSet) -> Iterator[None]:
-    """Raise a ValueError that names the filter, if the library lacks one, for every error.
+    """If the library lacks a filter, raise a ValueError that names it in place of any error.
 
-    Chunks that a program stored without an optional filter can be read.
+    Without an error, nothing is raised: chunks may be stored without an optional filter.
     """
     try:
         yield
@@ -152,7 +152,7 @@ def _naming_filter(path: Path, data_set: DataSet) -> Iterator[None]:
 def list_data_sets(path: Path, library: Library) -> dict[str, ListedArray]:
     """Return the numeric data sets of an HDF5 file by name.
 
-    To open one raises ValueError when its data are or may be in other files, or when it claims more
+    Opening one raises ValueError when its data are or may be in other files, or when it claims more
     than the file can hold.
 
     Raises

@@ -31,8 +31,8 @@ SECONDS = 60
 """CPU time in seconds that a request may take, plus the time for the requested bytes."""
 
 LAYOUTS = ("ordinary", "external", "virtual", "compound")
-"""Where data are: in the data set, in other files, or in data sets that may be in other files. Or
-that its elements are no numbers."""
+"""Where the elements of a data set are: in the file, in other files, or in data sets that may be in
+other files. The elements of a compound data set are no numbers."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,7 +140,7 @@ def _release_lock(file: Any) -> None:
 
 
 def _layout(item: Any) -> str:
-    """Return the layout of a data set. The files of a virtual one are opened to know its shape."""
+    """Return the layout of a data set, without its shape, for which HDF5 may open other files."""
     if item.dtype.kind == "V":
         return "compound"
     if item.is_virtual:

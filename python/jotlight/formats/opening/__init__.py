@@ -1,4 +1,4 @@
-"""Which file is opened.
+"""How a capture is found and opened.
 
 In reading order:
 

@@ -198,7 +198,7 @@ def note_part(
 def noted_region(provenance: Provenance) -> tuple[Region, tuple[int, int]] | None:
     """Return the region that data have according to :func:`note_part`, or None if it is unknown.
 
-    Data that were turned after the region was taken have a region of the turned frames.
+    If the data were turned after the region was taken, it is the region of the turned frames.
 
     Returns
     -------
@@ -237,7 +237,7 @@ def noted_region(provenance: Provenance) -> tuple[Region, tuple[int, int]] | Non
 def _turned(
     region: Region, size: tuple[int, int], before: tuple[int, bool], after: tuple[int, bool]
 ) -> tuple[Region, tuple[int, int]]:
-    """Return the region and the size of frames that are turned from an orientation to another.
+    """Return the region and the size of frames that are turned from one orientation to another.
 
     Examples
     --------

@@ -73,7 +73,7 @@ def _mapped_frames(packed: np.memmap[Any, np.dtype[np.uint8]]) -> Frames:
     root: Any = packed
     while isinstance(root.base, np.memmap):
         root = root.base
-    # A map that was made of other arrays has no file, and its file may have been deleted.
+    # A map that was computed from other arrays has no file, and the file of a map may be deleted.
     is_map = isinstance(root.base, mmap.mmap) and root.mode == "r" and root.filename is not None
     if is_map and (path := Path(root.filename).absolute()).is_file():
         position = root.offset + packed.ctypes.data - root.ctypes.data

@@ -87,6 +87,7 @@ class FolderReader:
     Parameters
     ----------
     folder : Path
+        The folder.
     open_file : callable
         A function that opens a file.
     first : Path
@@ -101,7 +102,7 @@ class FolderReader:
         self._last = _key(first)
         self._seen = {path.name for key, path in list_files(folder) if key <= self._last}
         self._listed: dict[str, float] = {}
-        """When each file was listed first that is not seen yet."""
+        """When each file that was not yet seen was first listed."""
         self._file: GrowingFile | None = GrowingFile(first, open_file, is_raw=is_raw)
         self._frames = 0
         """Number of frames in the file before."""
@@ -124,8 +125,8 @@ class FolderReader:
     def _list_new(self, capture: LiveCapture) -> list[tuple[Key, Path]]:
         """Return the new files before the first gap in their numbers.
 
-        A listing may lack files that appear while it is made. So a gap counts if it is still there
-        in a listing that is made later.
+        A listing may lack files that appear while it is made. So a gap counts only if it is still
+        there in a later listing.
         """
         now = time.monotonic()
         new = []

@@ -14,10 +14,10 @@ from jotlight.view.live.capture import LiveCapture
 from jotlight.view.live.tails import POLL_SECONDS
 
 STEADY_SECONDS = 0.03
-"""Time without a change after which the content of a file is taken to be written."""
+"""Time in seconds without a change after which the content of a file counts as written."""
 
 MAX_FAILURES = 3.0
-"""Time in seconds in which a file that does not change may be unreadable."""
+"""Time in seconds after which a file counts as unreadable, if it does not change meanwhile."""
 
 _CHUNK_FRAMES = 256
 
@@ -30,6 +30,7 @@ class GrowingFile:
     Parameters
     ----------
     path : Path
+        The file.
     open_file : callable
         A function that opens a file.
     is_raw : bool
@@ -42,14 +43,14 @@ class GrowingFile:
         self.frames = 0
         """Number of frames that were added."""
         self.error: Exception | None = None
-        """Why the file could not be read last, or None."""
+        """Why the last attempt to read the file failed, or None."""
         self.warnings: list[str] = []
-        """The warnings when the file was read last."""
+        """The warnings of the last attempt to read the file."""
         self._state: tuple[int, int] | None = None
         self._since = 0.0
         """When the file was first seen in its state."""
         self._finished: tuple[int, int] | None = None
-        """The state in which nothing is left to read."""
+        """The state of the file when nothing was left to read."""
 
     def add_new(self, capture: LiveCapture) -> bool:
         """Add the frames that were written since the last call.
@@ -79,7 +80,7 @@ class GrowingFile:
         return True
 
     def _changes(self, capture: LiveCapture) -> bool:
-        """Return whether a program seems to write what is in the file already."""
+        """Return whether a program seems to be writing the present content of the file."""
         status = self.path.stat()
         before, state = self._state, _state(status)
         if state != before:
