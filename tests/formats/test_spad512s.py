@@ -43,7 +43,7 @@ def test_one_trailer_in_a_folder_identifies_the_format(ended, tmp_path):
     for number, frame in enumerate(array):
         content = twin.encode_spad512s(frame[None]) + (b"DONE" if number == ended else b"")
         (tmp_path / f"RAW{number}.bin").write_bytes(content)
-    with pytest.warns(jl.JotlightWarning, match=f"RAW{1 - ended}.bin: does not have the end that"):
+    with pytest.warns(jl.JotlightWarning, match=f"RAW{1 - ended}.bin: .* does not end with"):
         bits = jl.open(tmp_path)
     assert bits.provenance.format == "spad512s"
     np.testing.assert_array_equal(bits.to_array(), array)
@@ -56,7 +56,7 @@ def test_an_empty_sparse_file_between_others_is_stated(tmp_path):
     (tmp_path / "folder").mkdir()
     for number in range(3):
         (tmp_path / f"folder/RAW{number}.bin").write_bytes(content if number != 1 else b"DONE")
-    with pytest.warns(jl.JotlightWarning, match="RAW1.bin: holds 0 frames, and other files 3"):
+    with pytest.warns(jl.JotlightWarning, match="RAW1.bin: expected at least 3 frames, .*, got 0"):
         assert len(jl.open(tmp_path / "folder")) == 6
 
 

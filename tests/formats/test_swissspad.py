@@ -29,7 +29,7 @@ def test_missing_files_warn_and_duplicate_numbers_are_refused(tmp_path):
     content = twin.encode_half_array(random_frames((1, *HALF)))
     for number in (0, 1, 4):
         (tmp_path / f"filename{number}.bin").write_bytes(content)
-    with pytest.warns(jl.JotlightWarning, match="2 of the files 0 to 4 are missing"):
+    with pytest.warns(jl.JotlightWarning, match="expected 5 files with numbers from 0 to 4, got 3"):
         jl.open(tmp_path, format="swissspad2")
     (tmp_path / "other4.bin").write_bytes(content)
     with pytest.raises(ValueError, match="one capture at a time"):

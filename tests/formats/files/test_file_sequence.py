@@ -24,10 +24,10 @@ def joined(names, lengths=None, **options):
 @pytest.mark.parametrize(
     ("names", "numbers", "message"),
     [
-        (("a1.png", "a2.png", "a5.png"), None, "2 of the files 1 to 5 are missing, .* a2.png"),
-        (("3_a1", "3_a2", "3_a3", "3_a5"), None, "1 of the files 1 to 5 are missing, .* 3_a3"),
-        (("a0", "a100", "a200", "a500"), None, "2 of the files 0 to 500 are missing, .* a200"),
-        (("b", "a"), [0, 2], "1 of the files 0 to 2 are missing, .* b;"),
+        (("a1.png", "a2.png", "a5.png"), None, "expected 5 files .* from 1 to 5, got 3; .* a2.png"),
+        (("3_a1", "3_a2", "3_a3", "3_a5"), None, "expected 5 files .* from 1 to 5, got 4; .* 3_a3"),
+        (("a0", "a100", "a200", "a500"), None, "expected 6 files .* from 0 to 500, got 4; .* a200"),
+        (("b", "a"), [0, 2], "expected 3 files .* from 0 to 2, got 2; .* b,"),
     ],
 )
 def test_gaps_in_the_numbers_of_files_are_stated(names, numbers, message):
@@ -55,11 +55,20 @@ def test_other_numbers_in_names_count_nothing(names):
 @pytest.mark.parametrize(
     ("lengths", "message"),
     [
-        ((4, 0, 4, 4), "folder/b: holds 0 frames, and other files 4; it may lack frames"),
-        ((4, 1, 4, 4), "folder/b: holds 1 frame, and other files 4; it may lack frames"),
-        ((2, 4, 3, 4), "folder/a: .* it may lack frames, as may 1 other file$"),
-        ((1, 4), "folder/a: holds 1 frame"),
-        ((0, 3, 0, 5, 7), "folder/a: holds 0 frames, .*, as may 1 other file$"),
+        (
+            (4, 0, 4, 4),
+            "folder/b: expected at least 4 frames, as in other files, got 0; the file may",
+        ),
+        (
+            (4, 1, 4, 4),
+            "folder/b: expected at least 4 frames, as in other files, got 1; the file may",
+        ),
+        ((2, 4, 3, 4), "folder/a: .* the file may lack frames, as may 1 other file$"),
+        ((1, 4), "folder/a: expected at least 4 frames, .*, got 1"),
+        (
+            (0, 3, 0, 5, 7),
+            "folder/a: expected at least 1 frame, .*, got 0; .*, as may 1 other file$",
+        ),
     ],
 )
 def test_files_with_fewer_frames_than_others_are_stated(lengths, message):
@@ -82,11 +91,13 @@ def test_the_last_file_may_hold_fewer_frames_and_files_may_differ(lengths):
 def test_files_without_the_end_of_others_are_stated(finished, number):
     warnings = joined("abc", finished=finished)
     assert len(warnings) == number
-    assert all("folder/b: does not have the end" in text for text in warnings)
+    assert all("folder/b: unlike other files, it does not end" in text for text in warnings)
 
 
 def test_folders_of_images_state_gaps(tmp_path):
     for number in (1, 2, 4):
         Image.fromarray(np.ones((3, 9), bool)).save(tmp_path / f"f{number}.png")
-    with pytest.warns(jl.JotlightWarning, match=r"1 of the files 1 to 4 .* after f2\.png"):
+    with pytest.warns(
+        jl.JotlightWarning, match=r"expected 4 files .* from 1 to 4, got 3; .* after f2\.png"
+    ):
         jl.open(tmp_path)

@@ -50,7 +50,10 @@ def join_files(
         _warn_about_short_files(files, [len(part) for part in parts])
         if finished is not None and any(finished):
             unfinished = list(itertools.compress(files, map(operator.not_, finished)))
-            _warn_about(unfinished, "does not have the end that the camera writes last")
+            _warn_about(
+                unfinished,
+                "unlike other files, it does not end with the bytes that the camera writes last",
+            )
     return concatenate(parts)
 
 
@@ -83,10 +86,10 @@ def _warn_about_gaps(path: Path, files: Sequence[Path], numbers: Sequence[int], 
     gaps = [index for index, (a, b) in enumerate(itertools.pairwise(numbers)) if b - a > step]
     if gaps:
         missing = sum((numbers[index + 1] - numbers[index]) // step - 1 for index in gaps)
-        first, last, before = numbers[0], numbers[-1], files[gaps[0]].name
         warn(
-            f"{path}: {missing} of the files {first} to {last} are missing, the first one after "
-            f"{before}; the others are used"
+            f"{path}: expected {len(files) + missing} files with numbers from {numbers[0]} to "
+            f"{numbers[-1]}, got {len(files)}; the first gap is after {files[gaps[0]].name}, so "
+            "check whether files are lost"
         )
 
 
@@ -97,8 +100,11 @@ def _warn_about_short_files(files: Sequence[Path], lengths: Sequence[int]) -> No
         usual = 1  # there is no usual number, but no file should be empty
     short = [index for index, number in enumerate(lengths[:-1]) if number < usual]
     if short:
-        number = counted(lengths[short[0]], "frame")
-        _warn_about([files[index] for index in short], f"holds {number}, and other files {usual}")
+        text = (
+            f"expected at least {counted(usual, 'frame')}, as in other files, got "
+            f"{lengths[short[0]]}"
+        )
+        _warn_about([files[index] for index in short], text)
 
 
 def _warn_about(files: Sequence[Path], text: str) -> None:
@@ -106,4 +112,4 @@ def _warn_about(files: Sequence[Path], text: str) -> None:
     if files:
         others = counted(len(files) - 1, "other file")
         also = f", as may {others}" if len(files) > 1 else ""
-        warn(f"{files[0]}: {text}; it may lack frames{also}")
+        warn(f"{files[0]}: {text}; the file may lack frames{also}")
