@@ -39,7 +39,7 @@ def test_a_window_that_does_not_exist_is_named(opened, typed, window):
     tab.locator("#window-number").fill(typed)
     tab.keyboard.press("Enter")
     assert tab.locator("#window-number").input_value() == str(window)
-    expected = "" if typed == "7.5" else "The window has from 1 to 300 frames."
+    expected = "" if typed == "7.5" else "A window has 1 to 300 frames."
     assert tab.locator("#toast").text_content().strip() == expected
 
 

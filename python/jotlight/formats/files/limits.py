@@ -114,12 +114,13 @@ def check_missing_chunks(
     Traceback (most recent call last):
     ...
     ValueError: a: only 0 of its 1000000 chunks exist, and reading all would take hours; resize \
-the array to the frames that were written, and if all were, it is damaged
+the array to the frames that were written; if all were written, the file is damaged
     """
     if total - found > max_missing * (found + 10):
         raise ValueError(
             f"{name}: only {found} of its {total} {kind} exist, and reading all would take hours; "
-            "resize the array to the frames that were written, and if all were, it is damaged"
+            "resize the array to the frames that were written; if all were written, the file is "
+            "damaged"
         )
     if found < total:
         missing = f"{total - found} of its {total} {kind} are missing"

@@ -76,8 +76,8 @@ class RawLayout:
             whole_number_in_range(name, getattr(self, name), 0, MAX_FRAME_BYTES)
         if self.number_type is not None and self.bit_order != "big":
             raise ValueError(
-                "bit_order: is for bits, eight to a byte; dtype states the order of the bytes of "
-                'numbers, such as ">u2"'
+                f"bit_order: expected none for numbers of {self.dtype}, got {self.bit_order!r}; "
+                'leave it out, and state the order of bytes in dtype, such as ">u2"'
             )
         if self.row_bytes is not None:
             whole_number("row_bytes", self.row_bytes, self.used_row_bytes)
@@ -179,5 +179,5 @@ def as_layout(layout: RawLayout | str | None) -> RawLayout | None:
 def _whole(name: str, text: str) -> int:
     """Return the whole number that a text states."""
     if not re.fullmatch(r"\d{1,12}", text, re.ASCII):
-        raise ValueError(f"layout: {name} expects a whole number, got {text!r}")
+        raise ValueError(f"layout: expected a whole number for {name}, got {text!r}")
     return int(text)

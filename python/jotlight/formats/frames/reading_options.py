@@ -76,7 +76,8 @@ class ReadingOptions:
             )
         if self.unpacked and layout.number_type is None:
             raise ValueError(
-                "unpacked: the layout states eight bits to a byte; add a type of numbers, such as "
+                "unpacked: expected a layout of numbers, got one of eight bits to a byte; "
+                "add a type of numbers, such as "
                 f"{self.layout},dtype=uint8"
             )
 

@@ -82,7 +82,7 @@ export class Controls {
   typeWindow(length) {
     const { capture, largest } = this;
     const { cycle } = capture;
-    if (!(length >= 1 && length <= largest)) warn(`The window has from ${cycle} to ${largest} frames.`);
+    if (!(length >= 1 && length <= largest)) warn(`A window has ${cycle} to ${largest} frames.`);
     this.setWindow(length || this.store.state.window);
     if (cycle > 1 && length % cycle) toast(`The exposures repeat every ${cycle} frames, so a window has a multiple of ${cycle}.`);
   }

@@ -42,7 +42,7 @@ export class Keys {
       ["l", "copy a link", ["l"], click("copy-link")],
       ["5 … 9", "open or close a part of the controls", ["5", "6", "7", "8", "9"], (event) => part(event.key).click(), (key) => part(key)],
       ["v", "next theme", ["v"], click("theme"), () => get("theme")],
-      ["Esc", "dismiss a message, and leave a list or a field, whose letters and arrows are its own", ["Escape"], () => leave()],
+      ["Esc", "dismiss a message, and leave a list or a field, which uses letters and arrows itself", ["Escape"], () => leave()],
       ["?", "this list", ["?", "h"], actions.help],
     ];
     this.stage = stage;
