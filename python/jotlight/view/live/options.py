@@ -75,7 +75,7 @@ class LiveOptions:
             layout = RawLayout.parse(options.layout)
             if layout.number_type is not None:
                 raise ValueError(
-                    f"layout: --follow shows bits, eight to a byte, got numbers of {layout.dtype}"
+                    f"layout: expected bits for --follow, got numbers of {layout.dtype}"
                 )
             return frame_layout(layout), "raw"
         if self.format is None:

@@ -30,7 +30,7 @@ export class Player {
     if (!this.controls.isPlaying) return;
     clearInterval(this.clock);
     this.controls.isPlaying = false;
-    this.store.set({}); // the image where it stops is no passing one
+    this.store.set({}); // request the image at which it stops in full
   }
 
   /** Whether the window holds all frames. */
