@@ -9,7 +9,7 @@ from jotlight.datasets import photograph
 from jotlight.estimators.merge_readings import merge_joint
 from jotlight.estimators.readings.merge_near import Merging
 from jotlight.evaluation.choice import choose_method
-from jotlight.evaluation.widened_intervals import widen_intervals
+from jotlight.evaluation.intervals.widened_intervals import widen_intervals
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
 from jotlight.sensing.likelihood.reference import saturation_intensity
 

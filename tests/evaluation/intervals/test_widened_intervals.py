@@ -58,6 +58,13 @@ def test_readings_that_tell_as_much_as_their_counts_keep_their_intervals():
     assert not found.unlit.any()
 
 
+def test_a_lit_pixel_whose_interval_began_at_0_stays_lit():
+    estimate = np.float32([[0.02, 0.02]])
+    found = widen_intervals(intervals(np.float32([[0.0, 0.01]]), 2 * estimate), estimate, BRACKET)
+    assert found.low.tolist() == [[0.0, 0.0]]
+    assert found.unlit.tolist() == [[False, True]]
+
+
 def test_intervals_of_darkness_below_all_thresholds_begin_at_0():
     bits = BRACKET.expose(np.full((48, 48), 0.02), rng=0)
     assert bits.to_array().sum() == 0
