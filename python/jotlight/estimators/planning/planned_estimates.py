@@ -3,7 +3,7 @@
 The scores of readings are the derivatives of their log-likelihoods at the true light. Their sum
 determines the estimate: it is the light at which this sum is expected. For equal bits, this is
 `jotlight.mle` exactly. Otherwise `jotlight.mle` uses the scores at its own estimate. Its error then
-differs by up to 0.6 dB for a few readings, and by less than 0.2 dB for about 64 readings or more.
+differs by up to 0.6 dB for a few readings, and by less than 0.3 dB for about 64 readings or more.
 For brackets, it differs by up to 2 dB. The error is larger than planned with several bits, read
 noise, and light that does not exceed its error by much: the scores at the estimate then differ much
 from those at the true light (decision 34).

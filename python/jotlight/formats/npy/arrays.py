@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from isal.igzip_lib import IsalError
 
-from jotlight.errors import warn
+from jotlight.errors import counted, warn
 from jotlight.formats.files.file_reader import FileReader
 from jotlight.formats.files.remote_files import open_binary
 from jotlight.sensing.bits.frames import Frames, read_in_chunks
@@ -181,8 +181,9 @@ def open_npy_array(
         )
     if left := available - math.prod(shape) * dtype.itemsize:
         warn(
-            f"{path}: {left} bytes follow the array of shape {shape} that the header states, and "
-            "are not read; the header may state too few frames, or the file holds several arrays"
+            f"{path}: has {counted(left, 'byte')} beyond the array of shape {shape} that the "
+            "header states, which jotlight does not read; the header may state too few frames, or "
+            "the file holds several arrays"
         )
     if fortran_order or not shape:
         data = reader.read(start, math.prod(shape) * dtype.itemsize)
