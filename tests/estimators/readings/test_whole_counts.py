@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import jotlight._engine as engine
-from jotlight.estimators.readings.whole_counts import diffuse
+from jotlight.estimators.readings.whole_counts import diffuse, whole_counts
 from reference import methods
 
 
@@ -26,6 +26,14 @@ def test_debts_are_paid_by_the_next_pixels():
     # No more than one of them is.
     whole = diffuse(np.array([[-50.0, 1.5, 1.0, 1.0]]), np.ones((1, 4), bool))
     np.testing.assert_array_equal(whole, [[0, 0, 1, 1]])
+
+
+def test_saturated_pixels_get_no_part_of_a_zero():
+    """Such a part pulled their estimates down, the more, the higher the threshold is."""
+    ones, trials = whole_counts(np.full((2, 9), 16.05), np.full((2, 9), 16.05))
+    np.testing.assert_array_equal(trials, ones)
+    ones, trials = whole_counts(np.full((2, 9), 15.05), np.full((2, 9), 16.0))
+    assert trials.sum() - ones.sum() == pytest.approx(0.95 * 18, abs=1)
 
 
 @pytest.mark.parametrize("shape", [(0, 4), (4, 0), (1, 1), (8, 64), (43, 65), (300, 207)])

@@ -19,6 +19,9 @@ MAX_RATE = 0.25
 half of the readings, for readings of several bits. With so little light, the number of trials
 hardly depends on the estimate, which is noisy itself."""
 
+_FEW_PHOTONS = 2.0
+"""Light of a jot and frame below which noise lets single photons make many of the ones."""
+
 _MAX_DARK = 1 - math.exp(-3.0)
 """Maximum fraction of ones of the reference sensor in darkness. With more, nearly all of its bits
 would be ones, and rounding a count to a whole number would change what it says."""
@@ -30,7 +33,8 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     Its threshold is 1 for readings of several bits, and for bits with different gains or thresholds
     that respond over a wide range of light, as in a bracket. For bits that are nearly alike, it is
     nearly theirs. With a lower one, few trials would tell much about light far below or far above
-    these thresholds, about which the readings tell nothing.
+    these thresholds, about which the readings tell nothing. With read noise, bits respond to less
+    light than their threshold says, so it is 1 if the largest intensity makes few of them ones.
 
     Half of its bits are ones at the light at which half of the least sensitive readings are ones.
     So it is not saturated where the readings are not, and its trials are at least about as many as
@@ -78,6 +82,8 @@ def _typical_threshold(sensor: Sensor) -> int:
     """
     if sensor.bit_depth > 1:
         return 1  # such readings are like a bracket of thresholds from 1 upward
+    if sensor.read_noise and all(_is_dim(group.sensor) for group in sensor.groups()):
+        return 1  # with noise, few photons make most of the ones, as with a low threshold
     from scipy.special import polygamma, psi
 
     groups = sensor.groups()
@@ -93,6 +99,12 @@ def _typical_threshold(sensor: Sensor) -> int:
     candidates = np.arange(1, int(thresholds.max()) + 1)
     distances = np.abs(np.log(polygamma(1, candidates) / variance))
     return int(candidates[np.argmin(distances)])
+
+
+def _is_dim(sensor: Sensor) -> bool:
+    """Return whether even the largest intensity makes few of the bits ones."""
+    brightest = sensor.light_per_intensity * sensor.max_intensity
+    return brightest < max(_FEW_PHOTONS, half_rate(sensor) / 2)
 
 
 def live_share(sensor: Sensor) -> float:

@@ -9,6 +9,9 @@ from jotlight.estimators.readings.neighbors import each_filter
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.parameters.response import detection_probability
 
+_NO_ZERO = 0.01
+"""Real number of zeros below which a pixel counts as saturated."""
+
 
 def diffuse(values: Array, is_known: npt.NDArray[np.bool_], threads: int | None = None) -> Array:
     """Return whole numbers from 0 instead of real ones, with about the same sum along each row.
@@ -94,7 +97,8 @@ def whole_counts(
 ) -> tuple[npt.NDArray[np.int32], Array]:
     """Return whole ones, whose errors cancel among pixels with the same filter, and their trials.
 
-    Where there are more ones than trials, the next pixels have fewer trials.
+    Where there are more ones than trials, the next pixels have fewer trials. Pixels without a zero
+    keep none.
 
     Parameters
     ----------
@@ -114,6 +118,9 @@ def whole_counts(
     whole, zeros = np.zeros(ones.shape), np.zeros(ones.shape)
     for own in each_filter(pattern, ones.shape):
         whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0), threads)
-        zeros += carry_debts(np.where(own, trials - whole, 0.0))
+        # A fraction of a zero, by which rounding changes the ones, would darken saturated pixels.
+        real = trials - ones
+        own_zeros = np.where(real < _NO_ZERO, np.minimum(real, 0.0), trials - whole)
+        zeros += carry_debts(np.where(own, own_zeros, 0.0))
     trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
     return whole.astype(np.int32), trials
