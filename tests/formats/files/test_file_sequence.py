@@ -46,6 +46,10 @@ def test_gaps_in_the_numbers_of_files_are_stated(names, numbers, message):
         ("a1", "a4", "a2", "a3"),  # an order by something else
         ("t10", "t43", "t77", "t110", "t177"),  # times
         ("a1", "a8", "a29", "a30"),  # a choice of images
+        ("i_095958", "i_095959", "i_100000", "i_100001"),  # times of a clock
+        ("20260130", "20260131", "20260201", "20260202"),  # dates
+        ("t10", "t20", "t30", "t60", "t120"),  # exposures
+        ("z0.1", "z0.2", "z0.25", "z0.3"),  # positions
     ],
 )
 def test_other_numbers_in_names_count_nothing(names):

@@ -56,6 +56,6 @@ def list_files(path: Path, extensions: tuple[str, ...], kind: str) -> list[Path]
             raise ValueError(f"{path}: expected at most {_MAX_FILES} files, got more")
     if not found:
         raise ValueError(
-            f"{path}: expected a folder with {kind} files ({extensions[0]}), got none in it"
+            f"{path}: expected a folder with {kind} files ({', '.join(extensions)}), got none in it"
         )
     return sorted(found, key=lambda file: natural_sort_key(file.relative_to(path)))

@@ -60,7 +60,8 @@ def join_files(
 def _counting_numbers(files: Sequence[Path]) -> tuple[list[int], int] | None:
     """Return the numbers in which names differ, and their step, or None if they count nothing.
 
-    Times of images, for example, have no step that divides all others.
+    Times of images, for example, have no step that divides all others. If more files seem to be
+    missing than there are, numbers are dates, times, or exposures.
 
     Examples
     --------
@@ -77,9 +78,10 @@ def _counting_numbers(files: Sequence[Path]) -> tuple[list[int], int] | None:
     numbers = list(differing[0])
     steps = Counter(b - a for a, b in itertools.pairwise(numbers))
     step, times = min(steps.items(), key=lambda each: (-each[1], each[0]))
-    if step < 1 or 2 * times < len(numbers) - 1 or any(each % step for each in steps):
+    if min(steps) < 1 or 2 * times < len(numbers) - 1 or any(each % step for each in steps):
         return None
-    return numbers, step
+    missing = (numbers[-1] - numbers[0]) // step + 1 - len(numbers)
+    return None if missing > len(numbers) else (numbers, step)
 
 
 def _warn_about_gaps(path: Path, files: Sequence[Path], numbers: Sequence[int], step: int) -> None:

@@ -114,7 +114,7 @@ class RawLayout:
         names = [pair[0] for pair in pairs]
         known = [field.name for field in dataclasses.fields(cls)][2:]
         if match is None or any(len(pair) == 1 for pair in pairs) or len({*names}) < len(names):
-            raise ValueError(f"layout: expected {_FORM}, got {text!r}")
+            raise ValueError(f"layout: expected {_FORM}, got {text!r:.100}")
         for name in names:
             check_choice("layout", name, known)
         values: dict[str, Any] = dict(pairs)
@@ -179,5 +179,5 @@ def as_layout(layout: RawLayout | str | None) -> RawLayout | None:
 def _whole(name: str, text: str) -> int:
     """Return the whole number that a text states."""
     if not re.fullmatch(r"\d{1,12}", text, re.ASCII):
-        raise ValueError(f"layout: expected a whole number for {name}, got {text!r}")
+        raise ValueError(f"layout: expected a whole number for {name}, got {text!r:.100}")
     return int(text)
