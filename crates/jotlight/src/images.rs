@@ -47,7 +47,7 @@ mod tests {
     #[test]
     fn the_error_of_the_first_wrong_image_is_returned() {
         let work = |image: usize| {
-            if image % 2 == 0 {
+            if image.is_multiple_of(2) {
                 return Ok(image);
             }
             if image == 1 {

@@ -74,8 +74,8 @@ def test_a_bracket_keeps_its_dark_counts():
         ({"threshold": 20, "gain": np.tile([1.0, 64.0], 4)}, 1),
         ({"bit_depth": 2, "read_noise": 0.3}, 1),
         ({"threshold": 2, "read_noise": 0.4, "gain": 8.0}, 1),  # so dim that noise makes most ones
-        ({"threshold": 8, "read_noise": 0.4, "gain": 16.0}, 1),
-        ({"threshold": 8, "read_noise": 0.4, "gain": 40.0}, 8),
+        ({"threshold": 4, "read_noise": 0.4, "gain": 12.0}, 1),
+        ({"threshold": 8, "read_noise": 0.4, "gain": 8.0}, 8),
     ],
     ids=str,
 )

@@ -20,7 +20,10 @@ half of the readings, for readings of several bits. With so little light, the nu
 hardly depends on the estimate, which is noisy itself."""
 
 _FEW_PHOTONS = 2.0
-"""Light of a jot and frame below which noise lets single photons make many of the ones."""
+"""Light of a jot and frame below which noise lets few photons make many of the ones."""
+
+_MAX_NOISY_THRESHOLD = 4
+"""Largest threshold for which so dim bits have ones at all."""
 
 _MAX_DARK = 1 - math.exp(-3.0)
 """Maximum fraction of ones of the reference sensor in darkness. With more, nearly all of its bits
@@ -34,7 +37,7 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     that respond over a wide range of light, as in a bracket. For bits that are nearly alike, it is
     nearly theirs. With a lower one, few trials would tell much about light far below or far above
     these thresholds, about which the readings tell nothing. With read noise, bits respond to less
-    light than their threshold says, so it is 1 if the largest intensity makes few of them ones.
+    light than their threshold says. So it is also 1 for dim bits with thresholds up to 4.
 
     Half of its bits are ones at the light at which half of the least sensitive readings are ones.
     So it is not saturated where the readings are not, and its trials are at least about as many as
@@ -102,9 +105,9 @@ def _typical_threshold(sensor: Sensor) -> int:
 
 
 def _is_dim(sensor: Sensor) -> bool:
-    """Return whether even the largest intensity makes few of the bits ones."""
+    """Return whether few photons, fewer than the threshold, make many of the ones, by noise."""
     brightest = sensor.light_per_intensity * sensor.max_intensity
-    return brightest < max(_FEW_PHOTONS, half_rate(sensor) / 2)
+    return brightest < _FEW_PHOTONS and sensor.threshold <= _MAX_NOISY_THRESHOLD
 
 
 def live_share(sensor: Sensor) -> float:
