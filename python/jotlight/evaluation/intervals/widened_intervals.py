@@ -61,10 +61,10 @@ def widen_intervals(
     trials = information / np.maximum(per_trial, np.finfo(np.float64).tiny)
     scale = np.sqrt(np.interp(own, light, trials))
     place = np.interp(own, light, distance) - scale * (deviations(own) - deviations(low))
-    low = np.minimum(low, np.interp(place, distance, light)).astype(np.float32)
+    lower = np.minimum(low, np.interp(place, distance, light)).astype(np.float32)
     # Where intervals began at 0 before, it is known whether pixels are unlit.
-    is_moved = (low <= 0) & (found.low > 0) & ~found.dead
-    return dataclasses.replace(found, low=low, unlit=found.unlit | is_moved)
+    is_moved = (lower <= 0) & (found.low > 0) & ~found.dead
+    return dataclasses.replace(found, low=lower, unlit=found.unlit | is_moved)
 
 
 def _nodes(sensor: Sensor) -> Array:
