@@ -9,6 +9,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.view.viewed import Viewed
+from waiting import wait_for
 
 pytestmark = pytest.mark.slow
 
@@ -89,7 +90,7 @@ def test_the_image_follows_the_pointer_of_the_keyboard(opened):
         tab.keyboard.press("i")
         tab.keyboard.press("Home")
         tab.set_viewport_size({"width": 900, "height": 700})
-        assert percent(tab) < fitted  # it still fits
+        wait_for(lambda: percent(tab) < fitted)  # it still fits
         for _ in range(4):
             tab.keyboard.press("+")
         for key in ("ArrowUp", "End", "Home"):
