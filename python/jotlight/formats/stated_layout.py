@@ -41,11 +41,14 @@ def frame_layout(layout: RawLayout) -> FrameLayout:
         numbers = np.ascontiguousarray(rows(raw)).view(kind)
         return numbers.astype(kind.newbyteorder("="), copy=False)
 
-    columns, sizes = layout.columns, (layout.frame_bytes, layout.file_header)
-    if kind is None:
-        return FrameLayout((layout.rows, used), columns, sizes[0], decode_bits, sizes[1])
-    size, native = (layout.rows, columns), kind.newbyteorder("=")
-    return FrameLayout(size, columns, sizes[0], decode_numbers, sizes[1], native)
+    return FrameLayout(
+        shape=(layout.rows, used if kind is None else layout.columns),
+        width=layout.columns,
+        frame_bytes=layout.frame_bytes,
+        decode=decode_bits if kind is None else decode_numbers,
+        file_header=layout.file_header,
+        dtype=np.uint8 if kind is None else kind.newbyteorder("="),
+    )
 
 
 def open_raw(path: Path, options: ReadingOptions) -> Capture:

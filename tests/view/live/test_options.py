@@ -144,6 +144,22 @@ def test_the_header_in_standard_input_is_never_read_as_frames(tmp_path, monkeypa
             open_live(STANDARD_INPUT, SHAPE, {"frames": 1})
 
 
+@pytest.mark.parametrize("source", ["file", "folder", "standard input"])
+def test_raw_frames_of_a_stated_layout_are_decoded(tmp_path, opened, monkeypatch, source):
+    frames = RNG.random((3, 6, 13)) < 0.5
+    rows = np.packbits(frames, axis=2, bitorder="little")
+    content = b"HEAD" + b"".join(b"F" + frame.tobytes() + b"E." for frame in rows)
+    layout = "6x13,bit_order=little,file_header=4,frame_header=1,frame_footer=2"
+    file = tmp_path / "a1.raw"
+    file.write_bytes(content)
+    path = {"file": file, "folder": tmp_path, "standard input": STANDARD_INPUT}[source]
+    with file.open("rb") as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        live = opened(path, LiveOptions(layout=layout, history=1))
+        wait_for(lambda: len(live.frames) == 3)
+    np.testing.assert_array_equal(live.part(range(3)).to_array(), frames)
+
+
 def test_raw_frames_of_a_camera_are_decoded(tmp_path, opened):
     jots = RNG.random((4, 256, 512)) < 0.3
     path = tmp_path / "a.bin"
