@@ -64,14 +64,13 @@ def test_the_gain_is_that_of_a_loop_over_frames():
     shifts = np.outer(np.arange(12) - 6, (1, -2))
     moving = paths_of(blocks, shifts, 24)
 
+    rows, columns = np.indices((height, width))
+
     def counts(block, shift):
-        ones, trials = np.zeros((height, width)), np.zeros((height, width))
+        y, x = rows + shift[0], columns + shift[1]
+        seen = (y >= 0) & (y < height) & (x >= 0) & (x < width)
         frames = array[4 * block : 4 * block + 4].sum(axis=0)
-        for row, column in np.ndindex(height, width):
-            y, x = row + shift[0], column + shift[1]
-            if 0 <= y < height and 0 <= x < width:
-                ones[row, column], trials[row, column] = frames[y, x], 4
-        return ones, trials
+        return np.where(seen, frames[y % height, x % width], 0), 4 * seen
 
     # Each block has one shift if it does not change toward its neighbors.
     moving.tracks[0].sums = lambda block: constant_sums(blocks, block, shifts[block])
@@ -93,10 +92,9 @@ def test_the_gain_is_that_of_a_loop_over_frames():
         # The share of the bits of a position that are in view, in squares of four pixels.
         half = [other for other in range(12) if other % 2 == block % 2]
         share = np.zeros((height, width))
-        for row, column, other in np.ndindex(height, width, 6):
-            y = row // 4 * 4 + 1.5 - shifts[half[other]][0]
-            x = column // 4 * 4 + 1.5 - shifts[half[other]][1]
-            share[row, column] += (-0.5 < y < height - 0.5 and -0.5 < x < width - 0.5) / 6
+        for shift in shifts[half]:
+            y, x = rows // 4 * 4 + 1.5 - shift[0], columns // 4 * 4 + 1.5 - shift[1]
+            share += ((-0.5 < y) & (y < height - 0.5) & (-0.5 < x) & (x < width - 0.5)) / 6
         ones, trials = counts(block, (0, 0))
         terms = ones * np.log(of_still / mean)
         terms += (trials - ones) * np.log((1 - of_still) / (1 - mean))

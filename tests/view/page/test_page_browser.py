@@ -61,7 +61,7 @@ def test_texts_of_a_capture_never_become_html(opened):
 def test_the_exposure_of_a_shared_address_can_be_changed(opened):
     tab = opened("method=mle&window=16&white=0.5")
     tab.keyboard.press("e")
-    tab.wait_for_timeout(600)
+    tab.wait_for_function("() => !/white=0.5(&|$)/.test(location.hash)")
     white = float(re.search(r"white=([\d.]+)", tab.url)[1])
     assert white == pytest.approx(0.5 * 2**-0.25, rel=1e-3)
 
@@ -320,5 +320,5 @@ def test_the_keyboard_stops_at_the_largest_exposure(opened):
     tab = opened("method=mle&window=16&white=1")
     for _ in range(60):
         tab.keyboard.press("e")
-    tab.wait_for_timeout(600)
+    tab.wait_for_function("() => location.hash.includes('white=0.0039')")
     assert float(re.search(r"white=([\d.e-]+)", tab.url)[1]) == pytest.approx(2**-8)
