@@ -94,7 +94,7 @@ def test_the_gain_is_that_of_a_loop_over_frames():
         share = np.zeros((height, width))
         for shift in shifts[half]:
             y, x = rows // 4 * 4 + 1.5 - shift[0], columns // 4 * 4 + 1.5 - shift[1]
-            share += ((-0.5 < y) & (y < height - 0.5) & (-0.5 < x) & (x < width - 0.5)) / 6
+            share += ((y > -0.5) & (y < height - 0.5) & (x > -0.5) & (x < width - 0.5)) / 6
         ones, trials = counts(block, (0, 0))
         terms = ones * np.log(of_still / mean)
         terms += (trials - ones) * np.log((1 - of_still) / (1 - mean))
