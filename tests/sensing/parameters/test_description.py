@@ -31,6 +31,25 @@ def test_equal_sensors_have_equal_hashes_and_can_be_copied():
         assert copied == sensor
 
 
+def test_subclasses_with_parameters_of_their_own_have_texts():
+    class Camera(jl.Sensor):
+        def __init__(self, frames=8, **others):
+            super().__init__(frames=frames, dark_counts=0.1, **others)
+
+    @dataclasses.dataclass(frozen=True, repr=False, eq=False, init=False)
+    class Named(jl.Sensor):
+        name: str
+
+        def __init__(self, name, **parameters):
+            super().__init__(**parameters)
+            object.__setattr__(self, "name", name)
+
+    assert repr(Camera()) == "Camera(dark_counts=0.1)"
+    assert repr(Camera(frames=3, threshold=2)) == "Camera(frames=3, threshold=2, dark_counts=0.1)"
+    assert repr(Named("north", frames=3)) == "Named(frames=3, name='north')"
+    assert "<b>Named</b>" in Named("north")._repr_html_()
+
+
 def test_notebooks_show_all_parameters():
     text = jl.Sensor(oversampling=2, efficiency=np.full((4, 6), 0.5))._repr_html_()
     assert "<th>trials per pixel</th><td>4</td>" in text

@@ -13,7 +13,7 @@ AnySensor = TypeVar("AnySensor", bound=SensorLike)
 
 
 def repr_of(sensor: SensorLike, defaults: Mapping[str, object]) -> str:
-    """Return the call that makes a sensor, without parameters that have their defaults.
+    """Return the parameters of a sensor in the form of a call, without those of default values.
 
     Maps are shown by their size, and values for each frame by their number and range.
     """
@@ -26,7 +26,7 @@ def repr_of(sensor: SensorLike, defaults: Mapping[str, object]) -> str:
             parts.append(f"{name}=<{value.shape[0]} x {value.shape[1]} map>")
         elif value != (sensor.trials if name == "gain" else default):
             parts.append(f"{name}={value!r}")
-    return f"Sensor({', '.join(parts)})"
+    return f"{type(sensor).__name__}({', '.join(parts)})"
 
 
 def html_of(sensor: SensorLike) -> str:
@@ -45,7 +45,7 @@ def html_of(sensor: SensorLike) -> str:
         first, values = next(iter(maps.items()))
         facts["image"], image = f"map of {first}".replace("_", " "), normalize(values)
     shown = {name.replace("_", " "): value for name, value in facts.items()}
-    return card("Sensor", shown, image)
+    return card(type(sensor).__name__, shown, image)
 
 
 def _values(values: npt.NDArray[Any]) -> str:

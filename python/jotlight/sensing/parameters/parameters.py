@@ -104,6 +104,11 @@ class Parameters:
         return html_of(self)  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
-        parameters = inspect.signature(type(self)).parameters
-        defaults = {name: each.default for name, each in parameters.items()}
-        return repr_of(self, defaults)  # type: ignore[arg-type]
+        # A subclass may have parameters of its own, and need not take those of the sensor.
+        defaults: dict[str, object] = {}
+        for each in reversed(type(self).__mro__):
+            if initialize := vars(each).get("__init__"):
+                parameters = inspect.signature(initialize).parameters
+                defaults |= {name: one.default for name, one in parameters.items()}
+        names = {name: defaults.get(name, dataclasses.MISSING) for name in self._names()}
+        return repr_of(self, names)  # type: ignore[arg-type]
