@@ -35,6 +35,7 @@ def test_other_data_are_no_list(data):
         ([[1, 2], [3]], ValueError, r"data: .* got \(1,\) and \(2,\)"),
         (["a.npy", "b.npy"], TypeError, "data: .* got the path 'a.npy'"),
         ([np.ma.ones((6, 8), int)] * 2, TypeError, "data: .* got a masked one"),
+        (BITS.windows(2), TypeError, r"got generator; pass a list, such as list\(bits.windows\("),
     ],
 )
 def test_lists_that_are_no_data_are_refused(sensor, data, error, message):

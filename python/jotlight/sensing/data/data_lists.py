@@ -1,6 +1,6 @@
 """Lists of bits, of readings, or of merged counts in place of the data of one image."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ def list_of_data(data: object) -> list[Bits | Readings | Merged]:
     ------
     TypeError
         When only some of a list are bits, readings, or merged counts, or one is a path or a masked
-        array.
+        array. When data are an iterator, which can be read only once.
     ValueError
         When a list is empty, or its counts have different shapes.
 
@@ -33,6 +33,11 @@ def list_of_data(data: object) -> list[Bits | Readings | Merged]:
       ...
     ValueError: data: expected at least one image, got an empty list
     """
+    if isinstance(data, Iterator):
+        raise TypeError(
+            f"data: expected bits, counts, or a list of them, got {type(data).__name__}; pass a "
+            "list, such as list(bits.windows(16)), or one item at a time, which takes less memory"
+        )
     if not isinstance(data, list | tuple):
         return []
     if not data:
