@@ -215,15 +215,29 @@ def test_a_temporary_file_is_itself_written_in_place(tmp_path):
     assert (tmp_path / "a").read_text() == "all"
 
 
-def test_deleting_a_file_also_deletes_what_killed_processes_left(tmp_path):
-    path = tmp_path / "a"
+def leave_temporary(path):
+    """Write a file, and leave what a killed process leaves beside it."""
     path.write_text("old")
     with reserve_temporary(path) as temporary:
         pass
     temporary.write_text("half")
     temporary.with_name(f"{temporary.name}.lock").touch()
-    delete_file(path)
+
+
+def test_deleting_a_file_also_deletes_what_killed_processes_left(tmp_path):
+    leave_temporary(tmp_path / "a")
+    delete_file(tmp_path / "a")
     assert file_names(tmp_path) == []
+
+
+def test_deleting_a_link_deletes_the_file_to_which_it_leads(tmp_path):
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "link").symlink_to("disk/a")
+    leave_temporary(tmp_path / "disk" / "a")
+    for _ in range(2):
+        delete_file(tmp_path / "link")
+        assert file_names(tmp_path / "disk") == []
+    assert (tmp_path / "link").is_symlink()
 
 
 @pytest.mark.parametrize("exists", [False, True])

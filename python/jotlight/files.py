@@ -100,14 +100,21 @@ def write_file(
 
 
 def delete_file(path: Path) -> None:
-    """Delete a file, and the temporary files for it that killed processes left."""
-    path.unlink(missing_ok=True)
+    """Delete a file, and the temporary files for it that killed processes left.
+
+    If `path` is a symbolic link, this is about the file to which it leads. The link remains.
+    """
+    follow_link(path).unlink(missing_ok=True)
     remove_leftovers(path)
 
 
 def remove_leftovers(path: Path) -> None:
-    """Delete the temporary files for a path that killed processes left."""
-    if has_temporaries(path):
+    """Delete the temporary files for a path that killed processes left.
+
+    If `path` is a symbolic link, they are those for the file to which it leads.
+    """
+    path = follow_link(path)
+    if path.parent.is_dir() and has_temporaries(path):
         with reserve_temporary(path):
             pass
 

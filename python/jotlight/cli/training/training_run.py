@@ -13,6 +13,7 @@ from jotlight.cli.training.training_options import TrainingOptions
 from jotlight.errors import hide_warnings
 from jotlight.files import atomic_write, delete_file, remove_leftovers
 from jotlight.networks.network import Network
+from jotlight.output_links import follow_link
 from jotlight.sensing.parameters.intensity_scale import MEANING
 from jotlight.training import History
 
@@ -20,17 +21,23 @@ from jotlight.training import History
 def checkpoint_path(output: Path) -> Path:
     """Return the file that keeps a stopped run.
 
+    If the output is a symbolic link, it lies beside the file to which the link leads.
+
     Raises
     ------
+    OSError
+        When links form a loop.
     ValueError
-        When the output is not named as a network.
+        When the output, or the file to which it leads, is not named as a network.
     """
-    if output.suffix.lower() != ".safetensors" or output.stem.endswith(".checkpoint"):
-        raise ValueError(
-            f"{output}: expected a name that ends in .safetensors, but not in "
-            ".checkpoint.safetensors, which is for stopped runs"
-        )
-    return output.with_suffix(".checkpoint.safetensors")
+    own = follow_link(output)
+    for path in (output, own):
+        if path.suffix.lower() != ".safetensors" or path.stem.endswith(".checkpoint"):
+            raise ValueError(
+                f"{path}: expected a name that ends in .safetensors, but not in "
+                ".checkpoint.safetensors, which is for stopped runs"
+            )
+    return own.with_suffix(".checkpoint.safetensors")
 
 
 def prepare_run(options: TrainingOptions) -> None:
@@ -43,8 +50,7 @@ def prepare_run(options: TrainingOptions) -> None:
     """
     checkpoint = checkpoint_path(options.output)
     for path in filter(None, (options.output, checkpoint, options.plot)):
-        if path.parent.is_dir():
-            remove_leftovers(path)
+        remove_leftovers(path)
     if options.resume and options.restart:
         raise ValueError("--resume and --restart: expected one of them, got both")
     if checkpoint.exists() and not (options.resume or options.restart):
