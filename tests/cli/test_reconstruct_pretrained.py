@@ -164,6 +164,19 @@ def test_a_network_falls_back_on_request(run, photo_folder, sensor, quality):
     assert output == "error: fallback: is for networks, but the method is mle\n"
 
 
+@pytest.mark.filterwarnings("always::jotlight.JotlightWarning")
+def test_the_intervals_of_a_blend_are_not_those_of_its_network(run):
+    bits = jl.Sensor(frames=16).expose(0.1 + 0.8 * (np.indices((48, 48)).sum(0) % 2), rng=0)
+    jl.save(bits, "bits.npy")
+    arguments = ["reconstruct", "bits.npy", "-o", "out.npy", "--uncertainty", "u.npz"]
+    advice = "look unlike photographs"
+    assert advice in run(*arguments, "--quality", "large")[1]
+    status, output = run(*arguments, "--quality", "large", "--fallback")
+    assert (status, advice in output) == (0, False)
+    expected = jl.uncertainty(bits, quality="large", fallback=True)
+    np.testing.assert_array_equal(np.load("u.npz")["low"], expected.low)
+
+
 PHOTOGRAPH = jl.datasets.photograph("camera")[100:124, 180:204]
 
 DARK = np.full((96, 96), 0.3, np.float32)

@@ -101,6 +101,34 @@ def test_a_network_of_the_caller_falls_back_too():
     np.testing.assert_array_equal(jl.reconstruct(bits, method=network, fallback=True), expected)
 
 
+def test_the_intervals_of_a_blend_are_not_those_of_its_network():
+    bits = jl.Sensor(frames=256).expose(CHECKERBOARD[:48, :48], rng=0)
+    estimate = jl.reconstruct(bits, quality="medium", fallback=True)
+
+    def limits(**options):
+        known = jl.uncertainty(bits, **options, estimate=estimate)
+        return known.low, known.high
+
+    of_blend = limits(method="held-out")
+    for options in (
+        {},
+        {"quality": "medium"},
+        {"method": pretrained_conditional(SENSOR, "medium")},
+    ):
+        np.testing.assert_array_equal(limits(**options, fallback=True), of_blend)
+    of_network = limits(quality="medium")
+    assert np.mean(of_blend[1] - of_blend[0]) > 1.1 * np.mean(of_network[1] - of_network[0])
+
+
+def test_the_intervals_of_a_blend_that_is_computed_are_those_of_a_known_one():
+    bits = SENSOR.expose(CHECKERBOARD[:24, :24], rng=0)
+    estimate = jl.reconstruct(bits, quality="large", fallback=True)
+    computed = jl.uncertainty(bits, quality="large", fallback=True)
+    known = jl.uncertainty(bits, quality="large", fallback=True, estimate=estimate)
+    np.testing.assert_array_equal(computed.low, known.low)
+    np.testing.assert_array_equal(computed.standard_error, known.standard_error)
+
+
 @pytest.mark.slow
 def test_a_stack_equals_its_images():
     bits = [SENSOR.expose(image, rng=0) for image in (PHOTOGRAPH, CHECKERBOARD)]
@@ -119,5 +147,7 @@ def test_a_stack_equals_its_images():
     ],
 )
 def test_only_conditional_networks_fall_back(options, message):
-    with pytest.raises(ValueError, match=message):
-        reconstruct(PHOTOGRAPH, fallback=True, **options)
+    bits = SENSOR.expose(PHOTOGRAPH, rng=0)
+    for function in (jl.reconstruct, jl.uncertainty):
+        with pytest.raises(ValueError, match=message):
+            function(bits, fallback=True, **options)

@@ -71,8 +71,9 @@ class Uncertainty:
     unlikely : ndarray of bool
         Whether the bits contradict the estimate: held-out bits near the pixel are less probable
         under it than under the fractions of ones alone, or their number is not what it predicts.
-        The scene is then unlike photographs. It is False for maximum likelihood, and with fewer
-        than 4 trials.
+        The scene is then unlike photographs. For blends and methods without a network, this is
+        about the estimate of a network. It is False for maximum likelihood, and with fewer than 4
+        trials.
     confidence_level : float
         The coverage of the intervals.
     """

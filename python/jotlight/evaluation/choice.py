@@ -107,6 +107,11 @@ class Choice:
     """Whether the colors of an image are estimated together, by the color network or a blend."""
 
     @property
+    def is_network(self) -> bool:
+        """Whether the method is a network alone."""
+        return self.quality is not None or self.method in TITLES
+
+    @property
     def is_requested(self) -> bool:
         """Whether the caller requested the method."""
         return self.recommended_for is None

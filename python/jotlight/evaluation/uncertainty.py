@@ -15,7 +15,7 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.readings.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
-from jotlight.evaluation.choice import COLOR_NETWORK, check_precision_of
+from jotlight.evaluation.choice import COLOR_NETWORK, check_fallback, check_precision_of
 from jotlight.evaluation.color.color_data import (
     check_demosaicing,
     takes_channels,
@@ -32,23 +32,17 @@ from jotlight.evaluation.intervals.color_intervals import (
 )
 from jotlight.evaluation.intervals.intervals import find_intervals
 from jotlight.evaluation.intervals.known_estimate import read_estimate
+from jotlight.evaluation.intervals.measured_networks import reference_network
 from jotlight.evaluation.intervals.widened_intervals import widen_intervals
 from jotlight.evaluation.many_trials import trials_of
-from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request
-from jotlight.networks.layer import Layer
-from jotlight.networks.network import Network
-from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.data.pixel_counts import Data, GrayImages, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 EXACT_METHOD = "mle"
 """Name of the method whose intervals are exact."""
-
-_MEASURED_SIZES = DEFAULT_SIZE, "large", "extra-large"
-"""Sizes of pretrained networks whose errors are as large as those of the error model."""
 
 
 def uncertainty(
@@ -64,6 +58,7 @@ def uncertainty(
     units: str = "intensity",
     demosaicing: str | None = None,
     precision: str | None = None,
+    fallback: bool = False,
     threads: int | None = None,
 ) -> Uncertainty:
     """Return the standard error and an interval of the intensity for each pixel of an estimate.
@@ -95,6 +90,9 @@ def uncertainty(
         For a sensor with a mosaic: how planes become colors, as for `jotlight.reconstruct`.
     precision : {"f32", "bf16"}, optional
         The precision of the products of a deep network whose estimate is computed, as for
+        `jotlight.reconstruct`.
+    fallback : bool
+        Whether the estimate is a blend of the network with other methods, as for
         `jotlight.reconstruct`.
     threads : int, optional
         The number of threads. Default: the number of cores.
@@ -135,8 +133,9 @@ def uncertainty(
     "large", and "extra-large" have been measured on photographs, depending on brightness, local
     activity, and K. From four trials per pixel, the data correct them: the bits are divided into
     two random halves, and the estimates from one half are compared with the other. For all other
-    methods and networks, the squared difference from the estimate of "medium" is added. Where
-    readings tell less about other light than about the estimate, their intervals are wider.
+    methods and networks, the squared difference from the estimate of "medium" is added, and for a
+    blend of one of these three (`fallback`), that from the estimate of this network. Where readings
+    tell less about other light than about the estimate, their intervals are wider.
 
     Behind a mosaic, the errors of the color network replace those of the gray networks. There may
     be up to 1,000 trials per pixel.
@@ -161,7 +160,7 @@ def uncertainty(
             "confidence_level: expected a coverage from 0.5 to below 1, got "
             f"{shown(confidence_level)}{percent_advice(level, 0.5)}"
         )
-    request = Request(method, quality, demosaicing, precision, threads=threads)
+    request = Request(method, quality, demosaicing, precision, fallback, threads=threads)
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:
         is_default = request.is_default and takes_mosaic(data, trials)
@@ -189,6 +188,8 @@ def uncertainty(
     scale = unit_scale(sensor, units, data)
     if method == EXACT_METHOD:
         check_precision_of(precision, EXACT_METHOD)
+        if fallback:
+            check_fallback(sensor, EXACT_METHOD, None, None)
     images = gray_images(data)
     if estimate is not None:
         shape = images.layout.shape_of(images.size(sensor))
@@ -234,13 +235,13 @@ def _of_gray_images(
                 images, values, sensor, confidence_level=confidence_level, threads=threads
             )
         quality = choice.quality
-    network, is_own = _reference(method, quality, sensor)
+    network, is_own = reference_network(method, quality, sensor)
     return find_intervals(
         images,
         values,
         sensor,
         network,
-        is_own=is_own,
+        is_own=is_own and not request.fallback,
         confidence_level=confidence_level,
         threads=threads,
     )
@@ -288,55 +289,3 @@ def check_errors_known(method: AnyMethod | None, sensor: Sensor) -> None:
             f'are unknown; method="{EXACT_METHOD}" (--method {EXACT_METHOD}) has intervals of the '
             "mean light of each pixel"
         )
-
-
-def _reference(
-    method: AnyMethod | None,
-    quality: str | None,
-    sensor: Sensor,
-) -> tuple[Network, bool]:
-    """Return the network whose errors are known, and whether it is the method.
-
-    If it is not, the network is "medium".
-    """
-    if isinstance(method, Network):
-        return (method, True) if _is_measured(method) else (_medium(sensor), False)
-    if isinstance(method, str):
-        quality = find_method(method).quality
-    if quality in _MEASURED_SIZES:
-        network = pretrained(sensor, quality)
-        if network.trials_range is not None:
-            return network, True
-    return _medium(sensor), False
-
-
-def _medium(sensor: Sensor) -> Network:
-    """Return the network to whose errors those of other methods are added."""
-    return pretrained(sensor, DEFAULT_SIZE)
-
-
-def _is_measured(network: Network) -> bool:
-    """Return whether a network computes what one does whose errors were measured."""
-    if network.trials_range is None:
-        return False
-    return any(
-        _have_equal_layers(network, pretrained_conditional(network.sensor, size))
-        for size in _MEASURED_SIZES
-    )
-
-
-def _have_equal_layers(network: Network, other: Network) -> bool:
-    """Return whether two networks have equal layers, with sets of parameters for the same K."""
-    return (
-        network.trials_range == other.trials_range
-        and len(network.layers) == len(other.layers)
-        and all(map(_are_equal, network.layers, other.layers))
-    )
-
-
-def _are_equal(one: Layer, two: Layer) -> bool:
-    """Return whether two layers have equal parameters, knots, and wiring."""
-    return one.metadata() == two.metadata() and all(
-        np.array_equal(getattr(one, name), getattr(two, name))
-        for name in ("filters", "coefficients")
-    )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cyclopts import Parameter
 
 from jotlight.cli.options.common_options import FILM_PANEL, OUTPUT_PANEL
-from jotlight.errors import percent_advice, warn
+from jotlight.errors import percent_advice
 from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.records.records import image_facts, tone_facts
@@ -26,9 +26,6 @@ from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _DEFAULT_CURVE = "gamma"
-
-_MANY = 0.01
-"""Fraction of unlikely pixels that is reported."""
 
 _SHOWN = ".png"
 """Ending of a file that shows the uncertainty."""
@@ -202,12 +199,6 @@ class ImageOutputOptions(OutputOptions):
                 flags = "1 unlit, 2 saturated, 4 dead, 8 unlikely"
                 facts = {**metadata, "level": self.coverage, "flags": flags}
                 stack_writer(self.uncertainty, facts)(remaining.pop(0), known.arrays())
-            if (unlikely := known.unlikely.mean()) > _MANY:
-                warn(
-                    f"{unlikely:.0%} of the pixels look unlike photographs: their bits speak "
-                    "against the estimate; fallback=True (--fallback) blends it with methods that "
-                    "trust the bits more"
-                )
         return tones
 
     def stated_white(self, largest: float | None) -> float | None:

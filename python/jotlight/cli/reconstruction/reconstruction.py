@@ -18,7 +18,7 @@ from jotlight.cli.reconstruction.inputs import Reconstruction
 from jotlight.cli.reconstruction.records import Records, origin_of
 from jotlight.cli.reports.advice import range_advice
 from jotlight.cli.terminal.console import caution, live_iterations, progress, report, shape_text
-from jotlight.errors import counted
+from jotlight.errors import counted, warn
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.iterative.convergence import ConvergenceHistories
 from jotlight.estimators.uncertainty import Uncertainty
@@ -35,6 +35,9 @@ from jotlight.sensing.data.pixel_counts import Data, gray_images
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
+
+_MANY = 0.01
+"""Fraction of unlikely pixels that is reported."""
 
 
 def _sensor_of(job: Reconstruction, data: Data) -> Sensor:
@@ -92,6 +95,7 @@ def reconstruct_image(
         known = None
         if outputs.uncertainty is not None:
             known = _uncertainty(job, data, estimate, outputs, threads)
+            _warn_about_unlikely(known, job)
         own = files[: len(paths)]
         scale = outputs.scale(captured.sensor)
         tones = outputs.write(own, estimate, known, scale, white=job.white, metadata=metadata)
@@ -182,12 +186,23 @@ def _uncertainty(
         _sensor_of(job, data),
         method=request.method,
         demosaicing=request.demosaicing,
+        fallback=request.fallback,
         estimate=estimate,
         channel_axis=last_channel_axis(data),
         confidence_level=outputs.coverage,
         units=outputs.units,
         threads=threads,
     )
+
+
+def _warn_about_unlikely(known: Uncertainty, job: Reconstruction) -> None:
+    """Warn if the bits contradict the estimate of a network that could fall back."""
+    unlikely = known.unlikely.mean()
+    if unlikely > _MANY and job.choice.is_network and not job.request.fallback:
+        warn(
+            f"{unlikely:.0%} of the pixels look unlike photographs: their bits speak against the "
+            "estimate; fallback=True (--fallback) blends it with methods that trust the bits more"
+        )
 
 
 def _describe_convergence(histories: ConvergenceHistories) -> str:
