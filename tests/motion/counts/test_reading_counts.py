@@ -113,6 +113,13 @@ def test_darkness_below_high_thresholds_has_about_as_many_trials_as_readings(thr
     assert 16 < np.median(merged.trials) < 80
 
 
+def test_saturated_pixels_have_no_part_of_a_zero():
+    sensor = jl.Sensor(frames=16, gain=32.0, threshold=2, read_noise=0.3, max_intensity=8.0)
+    converted = counts_of_readings(flat(sensor, 8.0), None)
+    merged = converted.correct(whole(converted))
+    np.testing.assert_array_equal(merged.ones, merged.trials)
+
+
 def test_corrected_counts_of_a_bracket_have_no_units_of_photons():
     converted = counts_of_readings(flat(BRACKETS[0]), None)
     assert converted.correct(whole(converted)).light_share is None

@@ -142,6 +142,19 @@ def test_joined_counts_have_no_bias_and_state_their_noise(thresholds, intensity)
     assert photons == pytest.approx(sensor.gain / sensor.frames * jl.mle(joined).mean())
 
 
+def test_saturated_pixels_have_no_part_of_a_zero():
+    size = 16, 24
+    sensor = jl.Sensor(frames=8, threshold=checkerboard(4, 5, size), max_intensity=40.0)
+    none = np.zeros(size, np.float32)
+    ones, others = np.full(size, 8, np.int32), {"acceptance": none + 1, "posterior_error": none}
+    merged = [
+        Merged(ones, ones.astype(float), own, flags=none > 0, **others)
+        for own in (jl.Sensor(frames=8, threshold=each, max_intensity=40.0) for each in (4, 5))
+    ]
+    joined = join_thresholds(merged, sensor)
+    np.testing.assert_array_equal(joined.ones, joined.trials)
+
+
 def test_each_jot_is_in_the_sensor_of_its_threshold():
     thresholds = np.random.default_rng(0).choice([1, 2, 5], size=(8, 9))
     mask = np.zeros((8, 9), bool)

@@ -24,7 +24,7 @@ from jotlight.estimators.readings.reference_sensors import (
     reference_dark_counts,
     reference_sensor,
 )
-from jotlight.estimators.readings.whole_counts import diffuse
+from jotlight.estimators.readings.whole_counts import whole_counts
 from jotlight.formats.capture import CountStack
 from jotlight.kept import kept_property
 from jotlight.motion.counts.reading_response import Response
@@ -256,11 +256,11 @@ class ReadingCounts:
         gradient, information = weight * (fraction - mean), weight * slope
         threshold = int(reference.threshold)
         ones, number = linear_counts(gradient, information, share, rate, rate, threshold)
-        whole = diffuse(np.where(known, ones, 0.0), known, threads)
-        number = np.maximum(np.where(known, number, 0.0), whole)
+        ones, number = (np.where(known, part, 0.0) for part in (ones, number))
+        whole, number = whole_counts(ones, number, threads=threads)
         return dataclasses.replace(
             merged,
-            ones=whole.astype(np.int32),
+            ones=whole,
             trials=number,
             dark_counts=floor,
             sensor=reference,

@@ -12,7 +12,7 @@ from jotlight.estimators.merge_readings import linear_counts
 from jotlight.estimators.readings.merge_near import Merging
 from jotlight.estimators.readings.neighbors import average_fractions, toward_own
 from jotlight.estimators.readings.reference_sensors import light_share, reference_sensor
-from jotlight.estimators.readings.whole_counts import diffuse
+from jotlight.estimators.readings.whole_counts import whole_counts
 from jotlight.formats.capture import CountStack
 from jotlight.motion.merging.merged_pixels import mean_map
 from jotlight.sensing.bits.bits import Bits
@@ -81,11 +81,9 @@ def join_thresholds(merged: Sequence[Merged], sensor: Sensor, threads: int | Non
     rate = np.maximum(slope * light + dark_counts, _MIN_RATE)
     threshold = int(reference.threshold)
     ones, trials = linear_counts(gradient, information, slope, rate, rate, threshold)
-    is_known = information > 0
-    whole = diffuse(np.where(is_known, ones, 0.0), is_known, threads)
+    ones, trials = (np.where(information > 0, part, 0.0) for part in (ones, trials))
     return Merged(
-        whole.astype(np.int32),
-        np.maximum(np.where(is_known, trials, 0.0), whole),
+        *whole_counts(ones, trials, threads=threads),
         reference,
         dark_counts=dark_counts,
         efficiency=efficiency,
