@@ -46,10 +46,10 @@ def test_an_incomplete_last_frame_is_left_out_with_a_warning(name, tmp_path):
 
 @pytest.mark.parametrize("name", RAW)
 @pytest.mark.parametrize("content", [b"", b"x", b"DONE"])
-def test_a_file_without_a_complete_frame_is_refused(name, content, tmp_path):
+def test_a_file_without_a_complete_frame_is_refused_without_a_warning(name, content, tmp_path):
     (tmp_path / "a.bin").write_bytes(content)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", jl.JotlightWarning)
+        warnings.simplefilter("error", jl.JotlightWarning)
         with pytest.raises(ValueError, match=r"a\.bin.*expected"):
             jl.open(tmp_path / "a.bin", format=name)
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jotlight as jl
+from jotlight.errors import record_warnings
 from jotlight.formats.stated_layout import frame_layout
 
 FRAMES = np.random.default_rng(0).random((5, 6, 13)) < 0.4
@@ -96,9 +97,25 @@ def test_an_incomplete_frame_is_reported(tmp_path):
     with pytest.warns(UserWarning, match="4 complete frames of 12 bytes; 7 bytes are left over"):
         bits = jl.open(path, layout="6x13,file_header=4")
     assert len(bits) == 4
-    path.write_bytes(b"HE")
-    with pytest.raises(ValueError, match="expected frames of 12 bytes each, got no complete one"):
-        jl.open(path, layout="6x13,file_header=4")
+
+
+def test_only_an_error_reports_that_no_frame_is_complete(tmp_path):
+    (tmp_path / "1.raw").write_bytes(b"HEAD" + bytes(11))
+    expected = "frames of 12 bytes each after a header of 4 bytes, got no complete one in its 15 b"
+    with record_warnings() as warnings:
+        with pytest.raises(ValueError, match=expected):
+            jl.open(tmp_path / "1.raw", layout="6x13,file_header=4")
+        (tmp_path / "3.raw").write_bytes(b"HEAD")
+        with pytest.raises(ValueError, match="no complete one in any of 2 files"):
+            jl.open(tmp_path, layout="6x13,file_header=4")
+    assert warnings == []
+
+
+def test_a_part_of_a_header_is_reported(tmp_path):
+    (tmp_path / "1.raw").write_bytes(b"HEAD" + bytes(12))
+    (tmp_path / "2.raw").write_bytes(b"HE")
+    with pytest.warns(UserWarning, match=r"2\.raw: 0 complete frames of 12 bytes; 2 bytes are"):
+        assert len(jl.open(tmp_path, layout="6x13,file_header=4")) == 1
 
 
 def test_layout_and_format_exclude_each_other(tmp_path):

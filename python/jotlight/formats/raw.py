@@ -108,26 +108,35 @@ def read_raw(
     """
     raw = [RawFile(file, trailer) for file in files]
     parts = [_frames_of(file, layout) for file in raw]
-    finished = [file.has_trailer for file in raw]
-    frames = join_files(path, files, parts, numbers=numbers, finished=finished)
-    if len(frames) == 0:
-        where = f"any of {len(files)} files" if len(files) > 1 else "it"
+    if not any(map(len, parts)):
+        header = f" after a header of {layout.file_header} bytes" if layout.file_header else ""
+        where = f"any of {len(files)} files" if len(files) > 1 else f"its {raw[0].size} bytes"
         raise ValueError(
-            f"{files[0]}: expected frames of {layout.frame_bytes} bytes each, got no complete one "
-            f"in {where}"
+            f"{files[0]}: expected frames of {layout.frame_bytes} bytes each{header}, got no "
+            f"complete one in {where}"
         )
-    return frames
+    for file, part in zip(raw, parts, strict=True):
+        _warn_about_rest(file, layout, len(part))
+    finished = [file.has_trailer for file in raw]
+    return join_files(path, files, parts, numbers=numbers, finished=finished)
+
+
+def _warn_about_rest(file: RawFile, layout: FrameLayout, number: int) -> None:
+    """Warn about bytes after the last complete frame, or about a part of a header."""
+    left = file.size - layout.file_header - number * layout.frame_bytes
+    if left < 0:
+        left = file.size
+    if left:
+        complete = counted(number, "complete frame")
+        warn(
+            f"{file.path}: {complete} of {layout.frame_bytes} bytes; {left} bytes are left over "
+            "and not used"
+        )
 
 
 def _frames_of(file: RawFile, layout: FrameLayout) -> Frames:
     frame_bytes = layout.frame_bytes
-    number, left = divmod(max(0, file.size - layout.file_header), frame_bytes)
-    if left:
-        complete = counted(number, "complete frame")
-        warn(
-            f"{file.path}: {complete} of {frame_bytes} bytes; {left} bytes are left over and not "
-            "used"
-        )
+    number = max(0, file.size - layout.file_header) // frame_bytes
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         position = layout.file_header + start * frame_bytes

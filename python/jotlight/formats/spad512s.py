@@ -8,15 +8,16 @@ the network ends with the four letters `DONE`.
 
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.array_types import Packed
-from jotlight.errors import warn
+from jotlight.errors import counted, warn
 from jotlight.formats.files.file_lists import list_files, natural_sort_key
 from jotlight.formats.files.file_reader import FileReader
 from jotlight.formats.files.file_sequence import join_files
@@ -107,13 +108,7 @@ def open_spad512s(path: Path, options: ReadingOptions, *, sparse: bool = False) 
     """Return the bits of a file, or of a folder in natural order."""
     files = list_files(path, EXTENSIONS, "SPAD512S")
     if sparse:
-        raw = [RawFile(file, _TRAILER) for file in files]
-        finished = [file.has_trailer for file in raw]
-        frames = join_files(path, files, list(map(_read_sparse, raw)), finished=finished)
-        if len(frames) == 0:
-            raise ValueError(
-                f"{path}: expected frames that end in {_END_OF_FRAME}, got no such end"
-            )
+        frames = _read_all_sparse(path, files)
         notes = [f"positions of the ones as uint32, little endian, row by row; {_ROTATED}"]
     else:
         frames = read_raw(path, files, _LAYOUT, _TRAILER)
@@ -124,19 +119,29 @@ def open_spad512s(path: Path, options: ReadingOptions, *, sparse: bool = False) 
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 
 
-def _read_sparse(file: RawFile) -> Frames:
-    path = file.path
-    total, left = divmod(file.size, 4)
+def _read_all_sparse(path: Path, files: Sequence[Path]) -> npt.NDArray[Any] | Frames:
+    """Return the frames of sparse files as one stack."""
+    raw = [RawFile(file, _TRAILER) for file in files]
+    parts, ends = zip(*map(_read_sparse, raw), strict=True)
+    if not any(map(len, parts)):
+        raise ValueError(f"{path}: expected frames that end in {_END_OF_FRAME}, got no such end")
+    for file, part, end in zip(raw, parts, ends, strict=True):
+        if left := file.size - end:
+            warn(
+                f"{file.path}: {counted(len(part), 'complete frame')}; {left} bytes are left over "
+                "without an end of frame and not used"
+            )
+    return join_files(path, files, parts, finished=[file.has_trailer for file in raw])
+
+
+def _read_sparse(file: RawFile) -> tuple[Frames, int]:
+    """Return the frames of a sparse file, and the position in bytes at which the last one ends."""
+    total = file.size // 4
 
     def read_words(start: int, number: int) -> npt.NDArray[np.uint32]:
         return file.read(4 * start, 4 * number).view("<u4")
 
-    frames, offsets, end = _index_sparse(path, read_words, total)
-    if end < total or left:
-        warn(
-            f"{path}: {frames} complete frames; {4 * (total - end) + left} bytes are left over "
-            "without an end of frame and not used"
-        )
+    frames, offsets, end = _index_sparse(file.path, read_words, total)
 
     def read_group(start: int, stop: int) -> Packed:
         """Return some frames of one group, which is read from its stored offset on."""
@@ -156,7 +161,7 @@ def _read_sparse(file: RawFile) -> Frames:
         cuts = [start, *range(first_cut, stop, _INDEX_STEP), stop]
         return np.concatenate([read_group(a, b) for a, b in itertools.pairwise(cuts)])
 
-    return Frames((frames, _SIDE, _SIDE // 8), read)
+    return Frames((frames, _SIDE, _SIDE // 8), read), 4 * end
 
 
 def _index_sparse(
