@@ -1,8 +1,13 @@
 """The free space of disks, and a check before large results are computed or written."""
 
+import errno
+import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
+
+from jotlight.errors import counted
+from jotlight.output_links import resolve_output
 
 _ADVICE = "free some space, or choose another folder"
 
@@ -10,7 +15,7 @@ _ADVICE = "free some space, or choose another folder"
 def check_disk_space(
     outputs: Iterable[tuple[Path, int]], *, reserve: int = 0, advice: str = _ADVICE
 ) -> None:
-    """Raise OSError if outputs do not fit on their disks.
+    """Raise OSError if outputs do not fit on their disks, as a failed write of the first one would.
 
     Parameters
     ----------
@@ -27,25 +32,31 @@ def check_disk_space(
     >>> check_disk_space([(Path("new/a.npy"), 1 << 70)])
     Traceback (most recent call last):
       ...
-    OSError: the results need up to 1.074e+09 TiB, but ... has only ... of free space; free some ...
+    OSError: [Errno 28] cannot write new/a.npy: No space left on device; the results need up to ...
     """
-    needed: dict[Path, int] = {}
-    for output, size in outputs:
-        folder = next(each for each in output.resolve().parents if each.exists())
-        needed[folder] = needed.get(folder, 0) + size
     # Folders on the same disk share its free space.
-    disks: dict[int, tuple[Path, int]] = {}
-    for folder, size in needed.items():
-        device = folder.stat().st_dev
-        disks[device] = folder, disks.get(device, (folder, 0))[1] + size
+    disks: dict[int, dict[Path, int]] = {}
+    for output, size in outputs:
+        disks.setdefault(_folder_of(output).stat().st_dev, {})[output] = size
     rest = f", and {format_bytes(reserve)} must stay free" if reserve else ""
-    for folder, size in disks.values():
-        free = shutil.disk_usage(folder).free
-        if size + reserve > free:
+    for sizes in disks.values():
+        first, size = next(iter(sizes)), sum(sizes.values())
+        folder = _folder_of(first)
+        usage = shutil.disk_usage(folder)
+        is_known = usage.total > 0  # some network file systems state no sizes
+        if is_known and size + reserve > usage.free:
+            others = f" and {counted(len(sizes) - 1, 'other output')}" if len(sizes) > 1 else ""
             raise OSError(
-                f"the results need up to {format_bytes(size)}{rest}, but {folder} has only "
-                f"{format_bytes(free)} of free space; {advice}"
+                errno.ENOSPC,
+                f"cannot write {first}{others}: {os.strerror(errno.ENOSPC)}; the results need up "
+                f"to {format_bytes(size)}{rest}, but {folder} has only {format_bytes(usage.free)} "
+                f"of free space; {advice}",
             )
+
+
+def _folder_of(output: Path) -> Path:
+    """Return the folder that will contain an output, or the first one above it that exists."""
+    return next(each for each in resolve_output(output).parents if each.exists())
 
 
 def format_bytes(size: float) -> str:

@@ -160,7 +160,7 @@ def test_equal_outputs_are_refused(tmp_path):
 def test_results_that_do_not_fit_on_the_disk_are_refused(tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(
-        "jotlight.disk_space.shutil.disk_usage", lambda folder: usage(0, 0, 3 << 30)
+        "jotlight.disk_space.shutil.disk_usage", lambda folder: usage(4 << 30, 1 << 30, 3 << 30)
     )
     jobs = jobs_in(tmp_path / "new" / "folder", nbytes=1 << 30)
     with pytest.raises(OSError, match=r"need up to 3 GiB, and 64 MiB must .* only 3 GiB"):
