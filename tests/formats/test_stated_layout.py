@@ -26,21 +26,35 @@ def raw_bytes(rows, row_bytes, header=b"", footer=b""):
     return out
 
 
+def words_of(row, bit_order, word):
+    """Return the words that hold the bits of a row, with ones as padding: a slow twin."""
+    kind = np.dtype(word)
+    size = 8 * kind.itemsize
+    padded = np.concatenate([row, np.ones(-len(row) % size, bool)]).reshape(-1, size)
+    order = padded if bit_order == "big" else padded[:, ::-1]
+    return np.array([int("".join(str(int(bit)) for bit in bits), 2) for bits in order], kind)
+
+
 @given(
     bit_order=st.sampled_from(["big", "little"]),
-    row_bytes=st.integers(2, 5),
+    word=st.sampled_from([None, "uint8", "<u2", ">u2", "<u4", ">u4", "<u8", ">u8"]),
+    padding=st.integers(0, 3),
     header=st.binary(max_size=5),
     footer=st.binary(max_size=5),
     file_header=st.binary(max_size=5),
 )
-def test_bits_of_every_layout(tmp_path_factory, bit_order, row_bytes, header, footer, file_header):
-    packed = np.packbits(FRAMES, axis=2, bitorder=bit_order)
+def test_bits_of_every_layout(
+    tmp_path_factory, bit_order, word, padding, header, footer, file_header
+):
+    rows = [[words_of(row, bit_order, word or "u1") for row in frame] for frame in FRAMES]
+    row_bytes = rows[0][0].nbytes + padding
     path = tmp_path_factory.mktemp("raw") / "camera.raw"
-    path.write_bytes(b"\0" + file_header + raw_bytes(packed, row_bytes, header, footer))
+    path.write_bytes(b"\0" + file_header + raw_bytes(rows, row_bytes, header, footer))
     layout = jl.RawLayout(
         6,
         13,
         bit_order=bit_order,
+        word=word,
         row_bytes=row_bytes,
         file_header=1 + len(file_header),
         frame_header=len(header),
@@ -48,6 +62,7 @@ def test_bits_of_every_layout(tmp_path_factory, bit_order, row_bytes, header, fo
     )
     bits = jl.open(path, layout=layout)
     assert (bits.to_array() == FRAMES).all()
+    assert (bits.counts() == FRAMES.sum(0)).all()
     assert (jl.open(path, layout=str(layout), frames=slice(3, 5)).to_array() == FRAMES[3:]).all()
 
 

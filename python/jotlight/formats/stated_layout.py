@@ -31,7 +31,10 @@ def frame_layout(layout: RawLayout) -> FrameLayout:
         return frames.reshape(len(raw), layout.rows, row_bytes)[:, :, :used]
 
     def decode_bits(raw: Packed) -> Packed:
-        packed = np.array(rows(raw), order="C")
+        """Return packed frames: the first jot becomes the most significant bit of a byte."""
+        words = np.array(rows(raw), order="C").view(layout.word_type)
+        in_order = words.astype(words.dtype.newbyteorder(layout.bit_order), copy=False)
+        packed = np.ascontiguousarray(in_order.view(np.uint8)[:, :, : -(-layout.columns // 8)])
         if layout.bit_order == "little":
             engine.reverse_bytes(packed.reshape(-1), None)
         return packed
@@ -42,7 +45,7 @@ def frame_layout(layout: RawLayout) -> FrameLayout:
         return numbers.astype(kind.newbyteorder("="), copy=False)
 
     return FrameLayout(
-        shape=(layout.rows, used if kind is None else layout.columns),
+        shape=(layout.rows, -(-layout.columns // 8) if kind is None else layout.columns),
         width=layout.columns,
         frame_bytes=layout.frame_bytes,
         decode=decode_bits if kind is None else decode_numbers,

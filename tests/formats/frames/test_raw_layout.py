@@ -15,15 +15,17 @@ SIZES = st.integers(0, 100)
     rows=st.integers(1, 99),
     columns=st.integers(1, 99),
     kind=st.sampled_from([None, "uint8", ">u2", "<i4"]),
+    word=st.sampled_from([None, "<u4", ">u2"]),
     padding=st.none() | SIZES,
     sizes=st.tuples(SIZES, SIZES, SIZES),
 )
-def test_text_of_a_layout_states_all_of_it(rows, columns, kind, padding, sizes):
-    layout = jl.RawLayout(rows, columns, dtype=kind)
+def test_text_of_a_layout_states_all_of_it(rows, columns, kind, word, padding, sizes):
+    stored = {"dtype": kind} if kind else {"word": word}
+    layout = jl.RawLayout(rows, columns, **stored)
     row_bytes = None if padding is None else layout.used_row_bytes + padding
     names = "file_header", "frame_header", "frame_footer"
     stated = dict(zip(names, sizes, strict=True))
-    layout = jl.RawLayout(rows, columns, dtype=kind, row_bytes=row_bytes, **stated)
+    layout = jl.RawLayout(rows, columns, row_bytes=row_bytes, **stored, **stated)
     assert jl.RawLayout.parse(str(layout)) == layout
     in_rows = layout.used_row_bytes + (padding or 0)
     assert layout.frame_bytes == rows * in_rows + sizes[1] + sizes[2]
@@ -48,7 +50,11 @@ def test_text_of_a_layout_states_all_of_it(rows, columns, kind, padding, sizes):
         ("6x8,dtype=float32", "dtype: expected a type of whole numbers"),
         ("6x8,dtype=O", "dtype: expected a type of whole numbers"),
         ("6x8,dtype=thing", "dtype: expected a type of whole numbers"),
+        (f"6x8,dtype={'1' * 5000}", "dtype: expected a type of whole numbers"),
         ("6x8,dtype=uint8,bit_order=little", "bit_order: expected none for numbers of uint8"),
+        ("6x8,dtype=uint8,word=<u4", "word: expected none for numbers of uint8"),
+        ("6x8,word=<f4", "word: expected a type of whole numbers"),
+        ("6x8,word=<u4,row_bytes=3", "row_bytes: expected at least 4"),
         ("99999999x99999999", "expected frames of at most"),
     ],
 )

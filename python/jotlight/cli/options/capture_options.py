@@ -60,9 +60,9 @@ class CaptureOptions:
         Parameter(
             help="Layout of raw frames of other cameras: rows and columns, such as 256x512. Each "
             "byte holds eight bits, and the first jot is the most significant one. For other "
-            "layouts, add bit_order=little, dtype=uint8, or numbers of bytes as row_bytes, "
-            "file_header, frame_header, and frame_footer, such as "
-            "256x512,bit_order=little,file_header=16. Default: that of the --format."
+            "layouts, add bit_order=little, word=<u4, dtype=uint8, or numbers of bytes as "
+            "row_bytes, file_header, frame_header, and frame_footer, such as "
+            "256x512,bit_order=little,file_header=16. Quote < and >. Default: that of the --format."
         ),
     ] = None
     frame_range: Annotated[

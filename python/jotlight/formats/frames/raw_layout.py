@@ -32,6 +32,10 @@ class RawLayout:
     bit_order : {"big", "little"}
         Which bit of a byte is the first jot: the most significant ("big") or the least significant
         one ("little"), as in `numpy.packbits`.
+    word : str, optional
+        The type of the words in which a camera writes the bits, such as ``"<u4"`` or ``">u2"``, if
+        each row begins at a new word. `bit_order` then states which bit of a word is the first jot.
+        Default: words of one byte.
     dtype : str, optional
         The type of whole numbers, such as ``"uint8"`` or ``">u2"``, if each jot has a number in
         place of a bit. The numbers are counts. `jotlight.open` takes them as readings with
@@ -62,6 +66,7 @@ class RawLayout:
     rows: int
     columns: int
     bit_order: str = dataclasses.field(default="big", kw_only=True)
+    word: str | None = dataclasses.field(default=None, kw_only=True)
     dtype: str | None = dataclasses.field(default=None, kw_only=True)
     row_bytes: int | None = dataclasses.field(default=None, kw_only=True)
     file_header: int = dataclasses.field(default=0, kw_only=True)
@@ -74,11 +79,13 @@ class RawLayout:
         check_choice("bit_order", self.bit_order, _BIT_ORDERS)
         for name in ("file_header", "frame_header", "frame_footer"):
             whole_number_in_range(name, getattr(self, name), 0, MAX_FRAME_BYTES)
-        if self.number_type is not None and self.bit_order != "big":
-            raise ValueError(
-                f"bit_order: expected none for numbers of {self.dtype}, got {self.bit_order!r}; "
-                'leave it out, and state the order of bytes in dtype, such as ">u2"'
-            )
+        for name, default in (("bit_order", "big"), ("word", None)):
+            value = getattr(self, name)
+            if self.number_type is not None and value != default:
+                raise ValueError(
+                    f"{name}: expected none for numbers of {self.dtype}, got {shown(value)}; leave "
+                    'it out, and state the order of bytes in dtype, such as ">u2"'
+                )
         if self.row_bytes is not None:
             whole_number("row_bytes", self.row_bytes, self.used_row_bytes)
         if self.frame_bytes > MAX_FRAME_BYTES:
@@ -124,24 +131,21 @@ class RawLayout:
     @property
     def number_type(self) -> np.dtype[np.generic] | None:
         """The type of the numbers, or None for bits."""
-        if self.dtype is None:
-            return None
-        try:
-            kind = np.dtype(self.dtype)
-        except TypeError:
-            kind = np.dtype(object)
-        if kind.kind not in "iu" or not isinstance(self.dtype, str):
-            raise ValueError(
-                'dtype: expected a type of whole numbers, such as "uint8" or ">u2", got '
-                f"{shown(self.dtype)}"
-            )
-        return kind
+        return None if self.dtype is None else _whole_type("dtype", self.dtype)
+
+    @property
+    def word_type(self) -> np.dtype[np.generic]:
+        """The type of the words that hold bits."""
+        return _whole_type("word", "uint8" if self.word is None else self.word)
 
     @property
     def used_row_bytes(self) -> int:
         """Number of bytes of a row that hold jots."""
         kind = self.number_type
-        return -(-self.columns // 8) if kind is None else self.columns * kind.itemsize
+        if kind is not None:
+            return self.columns * kind.itemsize
+        word_bytes = self.word_type.itemsize
+        return -(-self.columns // (8 * word_bytes)) * word_bytes
 
     @property
     def frame_bytes(self) -> int:
@@ -174,6 +178,19 @@ def as_layout(layout: RawLayout | str | None) -> RawLayout | None:
             f"{shown(layout)}"
         )
     return layout
+
+
+def _whole_type(name: str, text: object) -> np.dtype[np.generic]:
+    """Return the type of whole numbers that a text states."""
+    try:
+        kind = np.dtype(text if isinstance(text, str) else object)
+    except (TypeError, ValueError, SyntaxError):
+        kind = np.dtype(object)
+    if kind.kind not in "iu":
+        raise ValueError(
+            f'{name}: expected a type of whole numbers, such as "uint8" or ">u2", got {shown(text)}'
+        )
+    return kind
 
 
 def _whole(name: str, text: str) -> int:
