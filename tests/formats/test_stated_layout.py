@@ -100,6 +100,27 @@ def test_files_of_a_folder_follow_each_other_and_each_has_a_header(tmp_path):
     )
 
 
+@pytest.mark.parametrize("names", [("1.img", "2.IMG"), ("frame1", "frame2"), ("1.raw", "2.raw")])
+def test_a_folder_may_hold_files_of_any_extension(tmp_path, names):
+    packed = np.packbits(FRAMES, axis=2)
+    for name, part in zip(names, (packed[:3], packed[3:]), strict=True):
+        (tmp_path / name).write_bytes(part.tobytes())
+    (tmp_path / ".hidden").write_bytes(b"no frame")
+    assert (jl.open(tmp_path, layout="6x13").to_array() == FRAMES).all()
+    (tmp_path / "notes.txt").write_text("about the capture")
+    if names[0] == "1.raw":
+        assert len(jl.open(tmp_path, layout="6x13")) == 5
+    else:
+        expected = "or with files of one other extension, got .*, .*; move all other files out"
+        with pytest.raises(ValueError, match=expected):
+            jl.open(tmp_path, layout="6x13")
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"expected a folder with raw files .*, got none in it"):
+        jl.open(tmp_path, layout="6x13")
+
+
 def test_compressed_frames_are_read(tmp_path):
     path = tmp_path / "a.bin.gz"
     path.write_bytes(gzip.compress(b"HEAD" + np.packbits(FRAMES, axis=2).tobytes()))

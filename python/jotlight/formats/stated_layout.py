@@ -62,7 +62,7 @@ def open_raw(path: Path, options: ReadingOptions) -> Capture:
             'layout="256x512" (--layout 256x512)'
         )
     layout = RawLayout.parse(options.layout)
-    files = list_files(path, OTHER_EXTENSIONS, "raw")
+    files = list_files(path, OTHER_EXTENSIONS, "raw", or_others=True)
     frames = read_raw(path, files, frame_layout(layout))
     provenance = Provenance(RAW.name, path.name, (f"the stated layout {layout}",))
     if len(files) > 1:

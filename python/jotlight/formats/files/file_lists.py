@@ -8,6 +8,9 @@ from jotlight.formats.files.safe_paths import list_below
 _MAX_FILES = 1_000_000
 """Maximum number of files in a capture."""
 
+_MAX_SHOWN = 5
+"""Maximum number of extensions in a message."""
+
 
 def natural_sort_key(path: Path) -> tuple[tuple[int, int, str], ...]:
     """Return a key that sorts `RAW2.bin` before `RAW10.bin`, in each folder of the path.
@@ -25,7 +28,9 @@ def natural_sort_key(path: Path) -> tuple[tuple[int, int, str], ...]:
     )
 
 
-def list_files(path: Path, extensions: tuple[str, ...], kind: str) -> list[Path]:
+def list_files(
+    path: Path, extensions: tuple[str, ...], kind: str, *, or_others: bool = False
+) -> list[Path]:
     """Return the file itself, or all files in a folder and below it, in natural order.
 
     Parameters
@@ -36,6 +41,8 @@ def list_files(path: Path, extensions: tuple[str, ...], kind: str) -> list[Path]
         Extensions of the files in a folder, in lower case. Hidden files are ignored.
     kind : str
         Kind of the files, for messages.
+    or_others : bool
+        Whether a folder without such files may hold files of one other extension.
 
     Raises
     ------
@@ -48,14 +55,28 @@ def list_files(path: Path, extensions: tuple[str, ...], kind: str) -> list[Path]
         return [path]
     if not path.is_dir():
         raise FileNotFoundError(f"there is no file or folder {path}")
-    found = []
-    for file in list_below(path, extensions):
-        if file.name[0] != ".":
-            found.append(file)
-        if len(found) > _MAX_FILES:
-            raise ValueError(f"{path}: expected at most {_MAX_FILES} files, got more")
+    found = _find_files(path, extensions)
+    if not found and or_others:
+        found = _find_files(path, ("",))
+        others = sorted({file.suffix.lower() or "none" for file in found})
+        if len(others) > 1:
+            raise ValueError(
+                f"{path}: expected a folder with {kind} files ({', '.join(extensions)}), or with "
+                f"files of one other extension, got {', '.join(others[:_MAX_SHOWN])}; move all "
+                "other files out of it"
+            )
     if not found:
         raise ValueError(
             f"{path}: expected a folder with {kind} files ({', '.join(extensions)}), got none in it"
         )
     return sorted(found, key=lambda file: natural_sort_key(file.relative_to(path)))
+
+
+def _find_files(folder: Path, extensions: tuple[str, ...]) -> list[Path]:
+    found = []
+    for file in list_below(folder, extensions):
+        if file.name[0] != ".":
+            found.append(file)
+        if len(found) > _MAX_FILES:
+            raise ValueError(f"{folder}: expected at most {_MAX_FILES} files, got more")
+    return found
