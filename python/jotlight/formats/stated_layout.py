@@ -1,5 +1,6 @@
 """Raw frames whose layout the caller states, for cameras without a format of their own."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from jotlight.formats.capture import Capture
 from jotlight.formats.files.file_lists import list_files
 from jotlight.formats.format import Format, FrameLayout
 from jotlight.formats.frames.count_stacks import as_count_stack
+from jotlight.formats.frames.packing import are_bits
 from jotlight.formats.frames.raw_layout import RawLayout
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.raw import OTHER_EXTENSIONS, read_raw
@@ -52,6 +54,28 @@ def frame_layout(layout: RawLayout) -> FrameLayout:
         file_header=layout.file_header,
         dtype=np.uint8 if kind is None else kind.newbyteorder("="),
     )
+
+
+def bits_layout(layout: RawLayout) -> FrameLayout:
+    """Return the layout of raw frames of bits, or of numbers each of which is one bit.
+
+    Decoding numbers other than 0 and 1, or 0 and 255, raises ValueError.
+    """
+    stored = frame_layout(layout)
+    if layout.number_type is None:
+        return stored
+
+    def decode(raw: Packed) -> Packed:
+        numbers = stored.decode(raw)
+        if not are_bits(numbers):
+            raise ValueError(
+                f"layout: expected one bit in each number, 0 and 1 or 0 and 255, got "
+                f"{numbers.min()} to {numbers.max()}"
+            )
+        return np.packbits(numbers.astype(np.bool_), axis=2)
+
+    shape = layout.rows, -(-layout.columns // 8)
+    return dataclasses.replace(stored, shape=shape, decode=decode, dtype=np.uint8)
 
 
 def open_raw(path: Path, options: ReadingOptions) -> Capture:

@@ -160,6 +160,33 @@ def test_raw_frames_of_a_stated_layout_are_decoded(tmp_path, opened, monkeypatch
     np.testing.assert_array_equal(live.part(range(3)).to_array(), frames)
 
 
+@pytest.mark.parametrize("source", ["file", "folder", "standard input"])
+@pytest.mark.parametrize(("dtype", "one"), [("uint8", 255), (">u2", 1)])
+def test_numbers_of_one_bit_are_packed(tmp_path, opened, monkeypatch, source, dtype, one):
+    frames = RNG.random((3, 6, 13)) < 0.5
+    file = tmp_path / "a1.raw"
+    file.write_bytes(b"HEAD" + (one * frames).astype(dtype).tobytes())
+    path = {"file": file, "folder": tmp_path, "standard input": STANDARD_INPUT}[source]
+    layout = f"6x13,dtype={dtype},file_header=4"
+    with file.open("rb") as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        live = opened(path, LiveOptions(layout=layout, history=1, arguments={"unpacked": True}))
+        wait_for(lambda: len(live.frames) == 3)
+    np.testing.assert_array_equal(live.part(range(3)).to_array(), frames)
+    assert live.shape == (6, 13)
+
+
+def test_numbers_that_are_no_bits_are_a_problem_of_a_live_capture(tmp_path, opened):
+    path = tmp_path / "a.raw"
+    path.write_bytes(np.full((1, 6, 13), 7, np.uint8).tobytes())
+    options = LiveOptions(layout="6x13,dtype=uint8", arguments={"unpacked": True})
+    live = opened(path, options)
+    wait_for(lambda: live.ended)
+    assert live.problem == (
+        "layout: expected one bit in each number, 0 and 1 or 0 and 255, got 7 to 7"
+    )
+
+
 def test_raw_frames_of_a_camera_are_decoded(tmp_path, opened):
     jots = RNG.random((4, 256, 512)) < 0.3
     path = tmp_path / "a.bin"
@@ -176,6 +203,12 @@ def test_raw_frames_of_a_camera_are_decoded(tmp_path, opened):
         (LiveOptions(layout="0x5"), "rows: expected at least 1"),
         (LiveOptions(layout="999999x999999"), "layout: expected frames of at most"),
         (LiveOptions(layout="6x13", format="swissspad2"), "leave out one of"),
+        (LiveOptions(layout="6x13,dtype=uint8"), "got numbers of uint8; --unpacked reads"),
+        (LiveOptions(layout="6x13", arguments={"unpacked": True}), "unpacked: expected a layout"),
+        (
+            LiveOptions(format="swissspad2", arguments={"unpacked": True}),
+            "--unpacked is for a --layout of numbers or a folder of files",
+        ),
         (LiveOptions(format="nope"), "format: expected one of"),
         (LiveOptions(history=0), "history: expected 1"),
         (LiveOptions(), "expected raw frames"),

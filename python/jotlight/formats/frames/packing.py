@@ -38,8 +38,7 @@ def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
         packed = np.empty((stop - start, height, (width + 7) // 8, *channels), np.uint8)
         for place, part in read_in_chunks(frames[start:stop]):
-            binary = np.isin(part, (0, 1)).all() or np.isin(part, (0, 255)).all()
-            if part.dtype != np.bool_ and not binary:
+            if not are_bits(part):
                 raise ValueError(
                     f"{name}: expected bits, 0 and 1 only, got {part.min()} to {part.max()}; "
                     "counts=True (--counts) reads the numbers as counts"
@@ -48,6 +47,17 @@ def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
         return packed
 
     return Frames((count, height, (width + 7) // 8, *channels), read)
+
+
+def are_bits(numbers: npt.NDArray[Any]) -> bool:
+    """Return whether numbers are all 0 and 1, or all 0 and 255.
+
+    Examples
+    --------
+    >>> are_bits(np.array([0, 255])), are_bits(np.array([1, 255])), are_bits(np.array([0, 2]))
+    (True, False, False)
+    """
+    return numbers.dtype == np.bool_ or any(np.isin(numbers, (0, one)).all() for one in (1, 255))
 
 
 def pack_stack(stack: CountStack) -> Bits:

@@ -19,7 +19,7 @@ from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.opening.locations import STANDARD_INPUT
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
-from jotlight.formats.stated_layout import frame_layout
+from jotlight.formats.stated_layout import bits_layout
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.data.data_lists import carried_sensor
@@ -57,7 +57,7 @@ class LiveOptions:
     """Memory for frames in MiB."""
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     """Keyword arguments of :func:`jotlight.open` for the files of a folder. The width is also that
-    of a .npy."""
+    of a .npy, and `unpacked` is also for raw frames of numbers."""
 
     def frame_layout(self) -> tuple[FrameLayout, str] | None:
         """Return the layout of raw frames and its name, or None if files have headers.
@@ -70,14 +70,16 @@ class LiveOptions:
         """
         if not 1 <= self.history <= _MAX_HISTORY:
             raise ValueError(f"history: expected 1 to {_MAX_HISTORY} MiB, got {self.history}")
-        options = ReadingOptions(format=self.format, layout=self.layout)
+        unpacked = self.arguments.get("unpacked")
+        options = ReadingOptions(format=self.format, layout=self.layout, unpacked=unpacked)
         if options.layout is not None:
             layout = RawLayout.parse(options.layout)
-            if layout.number_type is not None:
+            if layout.number_type is not None and not unpacked:
                 raise ValueError(
-                    f"layout: expected bits for --follow, got numbers of {layout.dtype}"
+                    f"layout: expected bits for --follow, got numbers of {layout.dtype}; "
+                    "--unpacked reads 0 and 1, or 0 and 255, as bits"
                 )
-            return frame_layout(layout), "raw"
+            return bits_layout(layout), "raw"
         if self.format is None:
             return None
         check_choice("format", self.format, FORMATS)
@@ -87,7 +89,7 @@ class LiveOptions:
 
 def _packed_layout(height: int, width: int) -> FrameLayout:
     """Return the layout of frames that are packed already, as in a .npy."""
-    return frame_layout(RawLayout(height, width))
+    return bits_layout(RawLayout(height, width))
 
 
 def open_live(
@@ -218,12 +220,13 @@ def _read_layout(
     layout = options.frame_layout()
     start = _read_bytes(tail, len(_NPY_MAGIC))
     is_npy = start == _NPY_MAGIC
-    for name in options.arguments:
-        if name != "width" or not is_npy:
-            files = "a .npy or a folder of files" if name == "width" else "a folder of files"
-            raise ValueError(
-                f"follow: --{name} is for {files}; for raw frames, use --layout or --format"
-            )
+    usable = {"width"} if is_npy else {"unpacked"} if options.layout is not None else set()
+    for name in [each for each in options.arguments if each not in usable]:
+        other = {"width": "a .npy or ", "unpacked": "a --layout of numbers or "}.get(name, "")
+        raise ValueError(
+            f"follow: --{name} is for {other}a folder of files; for raw frames, use --layout or "
+            "--format"
+        )
     if layout is None:
         if options.format not in (None, "npy"):
             followed = [name for name, each in FORMATS.items() if each.layout is not None]
