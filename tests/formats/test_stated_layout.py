@@ -96,7 +96,7 @@ def test_files_of_a_folder_follow_each_other_and_each_has_a_header(tmp_path):
     assert bits.provenance.format == "raw"
     assert bits.provenance.notes == (
         "the stated layout 6x13,file_header=4",
-        "3 files in the natural order of their names",
+        "3 files in the natural order of their names, from f9.raw to f11.raw",
     )
 
 

@@ -20,7 +20,7 @@ from jotlight.array_types import Packed
 from jotlight.errors import counted, warn
 from jotlight.formats.files.file_lists import list_files, natural_sort_key
 from jotlight.formats.files.file_reader import FileReader
-from jotlight.formats.files.file_sequence import join_files
+from jotlight.formats.files.file_sequence import describe_files, join_files
 from jotlight.formats.files.magic import file_type
 from jotlight.formats.files.safe_paths import MAX_SEARCHED, list_below
 from jotlight.formats.format import Format, FrameLayout, Writer
@@ -114,7 +114,7 @@ def open_spad512s(path: Path, options: ReadingOptions, *, sparse: bool = False) 
         frames = read_raw(path, files, _LAYOUT, _TRAILER)
         notes = [f"frames of {_SIDE} x {_SIDE}, the most significant bit first; {_ROTATED}"]
     if len(files) > 1:
-        notes.append(f"{len(files)} files in the natural order of their names")
+        notes.append(describe_files(files))
     name = SPAD512S_SPARSE.name if sparse else SPAD512S.name
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 

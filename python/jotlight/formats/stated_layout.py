@@ -10,6 +10,7 @@ import jotlight._engine as engine
 from jotlight.array_types import Packed
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.file_lists import list_files
+from jotlight.formats.files.file_sequence import describe_files
 from jotlight.formats.format import Format, FrameLayout
 from jotlight.formats.frames.count_stacks import as_count_stack
 from jotlight.formats.frames.packing import are_bits
@@ -90,8 +91,7 @@ def open_raw(path: Path, options: ReadingOptions) -> Capture:
     frames = read_raw(path, files, frame_layout(layout))
     provenance = Provenance(RAW.name, path.name, (f"the stated layout {layout}",))
     if len(files) > 1:
-        note = f"{len(files)} files in the natural order of their names"
-        provenance = provenance.with_notes(note)
+        provenance = provenance.with_notes(describe_files(files))
     if layout.number_type is not None:
         return as_count_stack(frames, provenance, is_stack=True)
     return Bits(frames, layout.columns, provenance=provenance)

@@ -15,6 +15,7 @@ import numpy as np
 import jotlight._engine as engine
 from jotlight.array_types import Packed
 from jotlight.formats.files.file_lists import list_files
+from jotlight.formats.files.file_sequence import describe_files
 from jotlight.formats.format import Format, FrameLayout, Writer
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.raw import EXTENSIONS, OTHER_EXTENSIONS, check_frame_size, read_raw, write_raw
@@ -84,7 +85,7 @@ def open_swissspad(path: Path, options: ReadingOptions, *, full: bool = False) -
     if full:
         notes.append("the two halves alternate every 128 bits, the bottom half upside down")
     if len(files) > 1:
-        notes.append(f"{len(files)} files in the order of the numbers in their names")
+        notes.append(describe_files(files, "the order of the numbers in their names"))
     name = SWISSSPAD2_FULL.name if full else SWISSSPAD2.name
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 

@@ -14,6 +14,17 @@ from jotlight.errors import counted, warn
 from jotlight.sensing.bits.frames import Frames, concatenate
 
 
+def describe_files(files: Sequence[Path], order: str = "the natural order of their names") -> str:
+    """Return a note about the files of a capture. It shows if the first or the last one is missing.
+
+    Examples
+    --------
+    >>> describe_files([Path("a/f9.bin"), Path("a/f10.bin")])
+    '2 files in the natural order of their names, from f9.bin to f10.bin'
+    """
+    return f"{len(files)} files in {order}, from {files[0].name} to {files[-1].name}"
+
+
 def join_files(
     path: Path,
     files: Sequence[Path],

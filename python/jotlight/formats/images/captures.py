@@ -13,7 +13,7 @@ from jotlight.formats.capture import Capture
 from jotlight.formats.files.checksums import check_appended, check_opened, missing_error
 from jotlight.formats.files.file_lists import list_files
 from jotlight.formats.files.file_reader import FileReader
-from jotlight.formats.files.file_sequence import join_files
+from jotlight.formats.files.file_sequence import describe_files, join_files
 from jotlight.formats.files.limits import check_claimed_size
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.remote_files import open_binary, raise_failure, remote_file
@@ -119,9 +119,7 @@ def _open_images(
         )
     provenance = Provenance(name, path.name)
     if len(files) > 1:
-        provenance = provenance.with_notes(
-            f"{len(files)} files in the natural order of their names"
-        )
+        provenance = provenance.with_notes(describe_files(files))
     if notes[0] is not None:
         provenance = provenance.with_notes(notes[0])
     frames = join_files(path, files, parts)

@@ -16,7 +16,7 @@ from jotlight.files import atomic_folder
 from jotlight.formats.capture import Capture
 from jotlight.formats.files.checksums import check_seal, file_checksum, is_sealed, seal
 from jotlight.formats.files.file_lists import natural_sort_key
-from jotlight.formats.files.file_sequence import join_files
+from jotlight.formats.files.file_sequence import describe_files, join_files
 from jotlight.formats.files.magic import has_type
 from jotlight.formats.files.safe_paths import check_inside
 from jotlight.formats.format import Format, Writer
@@ -60,7 +60,8 @@ def open_matlab(path: Path, options: ReadingOptions) -> Capture:
     if path.is_dir():
         files = _part_files(path)
         info = _read_info(path, [file.name for file in files])
-        notes.append(f"{len(files)} parts in the natural order of their names")
+        if len(files) > 1:
+            notes.append(describe_files(files))
     elif not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     checksums = {} if info is None else info.checksums
