@@ -200,11 +200,13 @@ def _frame_sensor(bits: Bits, file: Path) -> Sensor | None:
 
 
 def _wait_for_frame(live: LiveCapture) -> LiveCapture:
-    while not live.frames:
-        if live.ended:
+    while True:
+        has_ended = live.ended  # before the frames, of which the last ones may arrive meanwhile
+        if live.frames:
+            return live
+        if has_ended:
             raise ValueError(live.problem or f"{live.title}: ended before its first frame")
         live.stop.wait(POLL_SECONDS)
-    return live
 
 
 def _read_layout(
