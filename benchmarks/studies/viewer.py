@@ -44,7 +44,9 @@ def viewer(*arguments: str, **options) -> Iterator[tuple[str, subprocess.Popen]]
     command = [sys.executable, "-m", "jotlight", "view", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, **options)
     try:
-        yield re.search(r"http\S+", process.stdout.readline())[0], process
+        # The first line may say that the viewer waits for the first frame.
+        addresses = (re.search(r"http\S+", line) for line in process.stdout)
+        yield next(filter(None, addresses))[0], process
     finally:
         process.terminate()
         process.wait(20)
@@ -208,7 +210,7 @@ def measure_hour(frames: int) -> None:
 
     read, write = os.pipe()
     block = np.random.default_rng(0).integers(0, 256, (64, HEIGHT * WIDTH // 8), np.uint8).tobytes()
-    arguments = ("-", "--follow", "--shape", f"{HEIGHT}x{WIDTH}")
+    arguments = ("-", "--follow", "--layout", f"{HEIGHT}x{WIDTH}")
 
     def send() -> None:
         with os.fdopen(write, "wb", buffering=0) as pipe:
