@@ -305,3 +305,4 @@ def _follow(
         return open_live(path, options, kwargs, calibration, is_range_known=is_known)
     finally:
         waiting.cancel()
+        waiting.join()  # its line comes before those that follow
