@@ -9,28 +9,7 @@ from waiting import wait_for
 
 RNG = np.random.default_rng(0)
 FRAMES = RNG.integers(0, 256, (300, 6, 2), np.uint8)
-SHAPE = LiveOptions(layout="6x13")
 RAW = RNG.integers(0, 256, (12, 256, 64), np.uint8)
-
-
-def test_files_that_appear_in_a_folder_are_added_and_gaps_counted(tmp_path, opened):
-    folder = tmp_path / "capture"
-    folder.mkdir()
-
-    def put(number):
-        np.save(tmp_path / "new.npy", FRAMES[10 * number : 10 * number + 10])
-        (tmp_path / "new.npy").rename(folder / f"f{number}.npy")
-
-    put(0)
-    live = opened(folder, LiveOptions())
-    put(3)
-    wait_for(lambda: live.frames.stop == 40)
-    assert live.dropped == 20
-    for number in (4, 6):
-        put(number)
-    wait_for(lambda: live.frames.stop == 70)
-    assert live.dropped == 30
-    np.testing.assert_array_equal(live.part(range(60, 70)).packed, FRAMES[60:70])
 
 
 def put_files(folder, *numbers):
@@ -43,6 +22,18 @@ def put_files(folder, *numbers):
 def folder(tmp_path):
     (tmp_path / "capture").mkdir()
     return tmp_path / "capture"
+
+
+def test_files_that_appear_in_a_folder_are_added_and_gaps_counted(folder, opened):
+    put_files(folder, 0)
+    live = opened(folder, LiveOptions())
+    put_files(folder, 3)
+    wait_for(lambda: live.frames.stop == 40)
+    assert live.dropped == 20
+    put_files(folder, 4, 6)
+    wait_for(lambda: live.frames.stop == 70)
+    assert live.dropped == 30
+    np.testing.assert_array_equal(live.part(range(60, 70)).packed, FRAMES[60:70])
 
 
 def test_other_files_in_a_folder_are_ignored_and_named(folder, opened):
@@ -122,9 +113,6 @@ def test_names_may_count_frames(folder, opened):
     assert live.dropped == 10
 
 
-RAW = RNG.integers(0, 256, (12, 256, 64), np.uint8)
-
-
 def test_raw_files_in_a_folder_are_followed_while_they_grow(folder, opened):
     path = folder / "RAW0.bin"
     path.write_bytes(RAW[:2].tobytes())
@@ -142,6 +130,20 @@ def test_raw_files_in_a_folder_are_followed_while_they_grow(folder, opened):
     np.testing.assert_array_equal(live.part(range(8, 12)).to_array(), expected)
     assert live.dropped == 0
     assert live.remark.endswith("1 bytes are left over and not used")
+
+
+def test_frames_of_a_file_beyond_the_memory_are_not_read(folder, opened):
+    for name in ("RAW0.bin", "RAW1.bin"):
+        (folder.parent / name).write_bytes(RAW.tobytes() * 10)  # 120 frames, of which 64 fit
+    (folder.parent / "RAW0.bin").rename(folder / "RAW0.bin")
+    live = opened(folder, LiveOptions(format="swissspad2", history=1))
+    wait_for(lambda: live.frames.stop == 120)
+    assert live.dropped == 0  # the capture begins at the frames that fit
+    (folder.parent / "RAW1.bin").rename(folder / "RAW1.bin")
+    wait_for(lambda: live.frames.stop == 240)
+    assert live.dropped == 120 - 64
+    expected = np.unpackbits(RAW, axis=2, bitorder="little")
+    np.testing.assert_array_equal(live.part(range(228, 240)).to_array(), expected)
 
 
 def test_an_empty_file_is_passed_over_when_the_next_one_appears(folder, opened, monkeypatch):

@@ -96,6 +96,11 @@ class LiveCapture:
             "rates": self.ring.rates(),
         }
 
+    def drop(self, frames: int) -> None:
+        """Count frames as dropped."""
+        self.dropped += frames
+        self.ring.skip(frames)
+
     def start(self, work: Callable[["LiveCapture"], None]) -> None:
         """Run a function in a thread, which adds frames until it returns or fails."""
 
@@ -137,8 +142,7 @@ def _read_once(capture: LiveCapture, tail: Tail) -> bool:
     if ring.partial_bytes == 0:
         skipped = tail.skip(ring.capacity * ring.frame_bytes, ring.frame_bytes)
         if skipped:
-            capture.dropped += skipped
-            ring.skip(skipped)
+            capture.drop(skipped)
     try:
         ring.commit(tail.read(ring.reserve()))
     except EOFError:

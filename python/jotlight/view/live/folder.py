@@ -158,7 +158,7 @@ class FolderReader:
                 capture.remark = text
         else:
             capture.remark = f"skipped, and counted as dropped: {file.error}"
-            drop(capture, max(0, self._frames - file.frames))
+            capture.drop(max(0, self._frames - file.frames))
 
     def _begin(self, capture: LiveCapture, key: Key, path: Path, waiting: int) -> None:
         """Count the frames that are missing before a file, and make it the present one.
@@ -176,17 +176,11 @@ class FolderReader:
         missing = (number - before - 1) // (self._unit or 1)
         if before > -1 and missing > 0:
             self._gaps.append(range(before + 1, number))
-            drop(capture, missing * self._frames)
+            capture.drop(missing * self._frames)
         elif -1 < number < before:
             self._gaps.clear()
             capture.remark = f"{path.name}: its number is lower, so a new sequence begins"
         if waiting > max(1, capture.ring.capacity // max(1, self._frames)):
-            drop(capture, self._frames)
+            capture.drop(self._frames)
         else:
             self._file = GrowingFile(path, self._open, is_raw=self._is_raw)
-
-
-def drop(capture: LiveCapture, frames: int) -> None:
-    """Count frames as dropped."""
-    capture.dropped += frames
-    capture.ring.skip(frames)

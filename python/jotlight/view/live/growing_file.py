@@ -94,17 +94,31 @@ class GrowingFile:
         return _state(self.path.stat()) != state
 
     def _add(self, capture: LiveCapture, opened: Capture) -> ValueError | None:
-        """Add the frames after those that were added, or return why they do not fit."""
+        """Add the frames after those that were added, or return why they do not fit.
+
+        If more frames wait than the memory holds, the oldest ones are not read.
+        """
         try:
             bits = as_bits(opened, self.path)
             _check_frames(capture, bits, self.path)
         except ValueError as error:
             return error
-        while self.frames < len(bits):
+        late = len(bits) - self.frames - capture.ring.capacity
+        if late > 0:
+            self._pass_over(capture, late)
+        while self.frames < len(bits) and not capture.stop.is_set():
             part = bits.packed[self.frames : self.frames + _CHUNK_FRAMES]
             capture.ring.append(np.asarray(part))
             self.frames += len(part)
         return None
+
+    def _pass_over(self, capture: LiveCapture, frames: int) -> None:
+        """Read none of the next frames. They are dropped, unless the capture begins after them."""
+        if capture.ring.frames.stop > 0:
+            capture.drop(frames)
+        else:
+            capture.ring.skip(frames)
+        self.frames += frames
 
 
 def _state(status: os.stat_result) -> tuple[int, int]:
