@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jotlight.view.live.folder import list_files
+from jotlight.view.live.folder import list_files, open_first
 from jotlight.view.live.options import LiveOptions, open_live
 from waiting import wait_for
 
@@ -111,6 +111,32 @@ def test_names_may_count_frames(folder, opened):
             live = opened(folder, LiveOptions())
     wait_for(lambda: live.frames.stop == 50)
     assert live.dropped == 10
+
+
+def test_a_file_without_a_number_says_nothing_about_the_numbers_of_others(folder, opened):
+    def put(name):
+        np.save(folder.parent / "new.npy", FRAMES[:10])
+        (folder.parent / "new.npy").rename(folder / name)
+
+    put("frame00000.npy")
+    live = opened(folder, LiveOptions())
+    put("dark.npy")
+    wait_for(lambda: live.frames.stop == 20)
+    put("frame00010.npy")
+    wait_for(lambda: live.frames.stop == 30)
+    assert live.dropped == 0
+
+
+def test_a_file_that_gets_another_name_while_it_is_opened_is_read(folder, opened, monkeypatch):
+    put_files(folder, 7)
+
+    def open_and_rename(*arguments):
+        found = open_first(*arguments)
+        (folder / "f7.npy").rename(folder / "f3.npy")
+        return found
+
+    monkeypatch.setattr("jotlight.view.live.options.open_first", open_and_rename)
+    assert opened(folder, LiveOptions()).frames == range(10)
 
 
 def test_raw_files_in_a_folder_are_followed_while_they_grow(folder, opened):

@@ -53,8 +53,8 @@ def _key(path: Path) -> Key:
     return int(digits[-1][:18]) if digits else -1, path.name
 
 
-def open_first(folder: Path, open_file: Open) -> tuple[Path, Bits]:
-    """Return one of the newest files of a folder, and its bits. Wait for one.
+def open_first(folder: Path, open_file: Open) -> tuple[Path, Bits, set[str]]:
+    """Return one of the newest files of a folder, its bits, and the names up to it. Wait for one.
 
     Raises
     ------
@@ -63,12 +63,14 @@ def open_first(folder: Path, open_file: Open) -> tuple[Path, Bits]:
     """
     start = None
     while True:
-        newest = [path for _, path in list_files(folder)[: -_MAX_TRIED - 1 : -1]]
+        files = list_files(folder)
+        newest = [path for _, path in files[: -_MAX_TRIED - 1 : -1]]
         # The newest file may not be complete, so the one before it comes first.
         for path in [*newest[1:2], *newest[:1], *newest[2:]]:
             try:
                 with hide_warnings("left over"):  # the rest of the last frame may follow
-                    return path, as_bits(open_file(path), path)
+                    bits = as_bits(open_file(path), path)
+                return path, bits, {each.name for key, each in files if key <= _key(path)}
             except (OSError, ValueError) as error:
                 start = time.monotonic() if start is None else start
                 if time.monotonic() - start > growing_file.MAX_FAILURES:
@@ -92,15 +94,18 @@ class FolderReader:
         A function that opens a file.
     first : Path
         The file with which the capture begins.
+    seen : set of str
+        The names of this file and of those before it.
     is_raw : bool
         Whether the files have no header.
     """
 
-    def __init__(self, folder: Path, open_file: Open, first: Path, *, is_raw: bool) -> None:
+    def __init__(
+        self, folder: Path, open_file: Open, first: Path, seen: set[str], *, is_raw: bool
+    ) -> None:
         self._folder, self._open, self._is_raw = folder, open_file, is_raw
         self._suffix = first.suffix
-        self._last = _key(first)
-        self._seen = {path.name for key, path in list_files(folder) if key <= self._last}
+        self._last, self._seen = _key(first), seen
         self._listed: dict[str, float] = {}
         """When each file that was not yet seen was first listed."""
         self._file: GrowingFile | None = GrowingFile(first, open_file, is_raw=is_raw)
@@ -116,6 +121,8 @@ class FolderReader:
             new = self._list_new(capture)
             for waiting in range(len(new), 0, -1):
                 self._finish(capture)
+                if capture.stop.is_set():
+                    return
                 self._begin(capture, *new[-waiting], waiting)
             if not new:
                 if self._file is not None:
@@ -171,7 +178,7 @@ class FolderReader:
             capture.remark = f"{path.name}: came late, so its frames stay dropped"
             return
         self._last = key if number > -1 else self._last
-        if self._unit is None and self._frames > 0:
+        if self._unit is None and self._frames > 0 and -1 < before < number:
             self._unit = self._frames if number - before == self._frames else 1
         missing = (number - before - 1) // (self._unit or 1)
         if before > -1 and missing > 0:

@@ -160,13 +160,11 @@ def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Op
         tail = PipeTail(sys.stdin.fileno())
     try:
         frames, name = _read_layout(tail, path, options)
-    except ValueError:
+        first = tail.skip(options.history << 20, frames.frame_bytes)
+        ring = FrameRing(frames, options.history << 20, first)
+    except BaseException:  # such as a file that is gone, too little memory, or Ctrl-C
         tail.close()
         raise
-    first = 0
-    if isinstance(tail, FileTail):
-        first = tail.skip(options.history << 20, frames.frame_bytes)
-    ring = FrameRing(frames, options.history << 20, first)
     return ring, partial(read_stream, tail=tail), name, None
 
 
@@ -177,12 +175,12 @@ def _open_folder(path: Path, options: LiveOptions) -> _Opened:
     def open_file(file: Path) -> Any:
         return open_capture(file, **arguments)
 
-    file, bits = open_first(path, open_file)
+    file, bits, seen = open_first(path, open_file)
     layout = _packed_layout(bits.packed.shape[1], bits.width)
     ring = FrameRing(layout, options.history << 20)
     name = bits.provenance.format if bits.provenance else "folder"
     is_raw = name in FORMATS and FORMATS[name].is_raw
-    work = FolderReader(path, open_file, file, is_raw=is_raw)
+    work = FolderReader(path, open_file, file, seen, is_raw=is_raw)
     return ring, work, name, _frame_sensor(bits, file)
 
 
