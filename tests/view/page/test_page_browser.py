@@ -255,6 +255,9 @@ def test_the_page_says_what_it_waits_for(opened, monkeypatch):
     tab.keyboard.press("Tab")
     tab.keyboard.press("a")
     tab.locator("#stage-note", has_text="network, medium of the aligned frames").wait_for()
+    choose(tab, "#compare", "mle")
+    text = "Waiting for network, medium minus maximum likelihood of the aligned frames"
+    tab.locator("#stage-note", has_text=text).wait_for()
     is_done.set()
     tab.locator("#stage-note:empty").wait_for(state="attached")
     assert final(tab)["title"] == "network, medium"

@@ -112,13 +112,19 @@ function showHistogram() {
   get("histogram-axis").replaceChildren(...texts.map((text) => element("span", text)));
 }
 
+/** Return the image that the state asks for as a text. Counts are neither compared nor aligned. */
+function describeRequest({ method, compare, align }) {
+  const titles = new Map(capture.methods.map(({ name, title }) => [name, title]));
+  const ofCounts = method === "counts";
+  const other = compare && !ofCounts ? ` minus ${titles.get(compare)}` : "";
+  return `${titles.get(method)}${other}${align && !ofCounts ? " of the aligned frames" : ""}`;
+}
+
 /** Show what the page waits for, until the image of the last request has arrived. */
 function showBusy() {
   isBusy = true;
-  const { method, align } = store.state;
-  const { title } = capture.methods.find((each) => each.name === method);
   get("stage-note").classList.remove("error");
-  const text = `Waiting for ${title}${align && method !== "counts" ? " of the aligned frames" : ""}`;
+  const text = `Waiting for ${describeRequest(store.state)}`;
   write("stage-note", text);
   say(text);
 }
