@@ -78,6 +78,15 @@ def test_a_flag_of_a_reduced_image_keeps_its_color(opened):
         assert tab.evaluate(COLORED) == 4
 
 
+def test_flags_of_jots_that_are_smaller_than_a_screen_pixel_are_visible(opened):
+    mask = np.zeros((1200, 1200), bool)
+    mask[1::4, 1::400] = mask[2::4, 202::400] = True
+    with shown(opened, (150, 150), "overlays=jots", mask=mask, oversampling=8) as tab:
+        tab.locator("#jots-note", has_text=f"{mask.sum()}, ").wait_for()
+        assert 100 < percent(tab) < 800
+        assert tab.evaluate(COLORED) > mask.sum()
+
+
 def white_pixels(tab):
     """Return where the frame of the keyboard's pointer is, whose color the image does not have."""
     image = Image.open(io.BytesIO(tab.locator("#image").screenshot())).convert("RGB")

@@ -2,7 +2,7 @@
 
 import { themeColor } from "./plots.js";
 
-const FLAG_SIDE = 2; // of a flag over a reduced image, in CSS pixels
+const FLAG_SIDE = 2; // of a flag that is reduced, in CSS pixels
 const scratch = document.createElement("canvas");
 
 /** Return the red, green, and blue of a color of the theme. */
@@ -15,8 +15,10 @@ export function makeOverlay(kind, header, bytes) {
   return { header, bytes, flags, canvas: paintFlags(header, flags) };
 }
 
-/** Draw an overlay into a box [x, y, width, height]. Averaging would hide the flags of a reduced image. */
-export function drawOverlay(context, overlay, box, isReduced) {
+/** Draw an overlay into a box [x, y, width, height]. Flags that are reduced would vanish in its canvas. */
+export function drawOverlay(context, overlay, box) {
+  const { width, height } = overlay.header; // in jots, or in pixels
+  const isReduced = box[2] < width || box[3] < height;
   if (overlay.flags && isReduced) drawFlags(context, overlay, box);
   else context.drawImage(overlay.canvas, ...box);
 }

@@ -101,7 +101,7 @@ export class Stage {
     context.imageSmoothingQuality = "high";
     const box = [this.x, this.y, ...this.extent];
     context.drawImage(pixels, ...box);
-    for (const overlay of this.overlays.values()) drawOverlay(context, overlay, box, this.scale < 1);
+    for (const overlay of this.overlays.values()) drawOverlay(context, overlay, box);
     if (this.pointer && document.activeElement === canvas && this.isKeyboard) this.drawPointer();
   }
 
