@@ -7,6 +7,7 @@ import jotlight as jl
 from jotlight.estimators.readings.merge_near import Merging
 from jotlight.estimators.readings.reference_sensors import reference_dark_counts, reference_sensor
 from jotlight.sensing.likelihood.joint_likelihood import joint_likelihood
+from jotlight.sensing.likelihood.multibit import reading_probability
 from jotlight.sensing.likelihood.reference import reading_information
 from jotlight.sensing.parameters.response import detection_probability, intensity_at_probability
 
@@ -91,6 +92,16 @@ def test_bits_with_read_noise_have_the_dark_counts_of_as_many_ones():
     expected = bits.to_array().mean()
     assert reference.threshold == 2
     assert detection_probability(2, reference.dark_counts) == pytest.approx(expected, rel=0.02)
+
+
+def test_a_jot_of_a_map_of_thresholds_counts_once():
+    noise = {"read_noise": 0.4, "dark_counts": 0.02}
+    sensor = jl.Sensor(frames=8, gain=32.0, threshold=[[2, 2, 2, 3]], **noise)
+    reference, dark = reference_sensor(sensor), np.array([0.02])
+    ones = [reading_probability(1, dark, read_noise=0.4, threshold=q)[0] for q in (2, 3)]
+    assert reference.threshold == 2
+    expected = 0.75 * ones[0] + 0.25 * ones[1]
+    assert detection_probability(2, reference.dark_counts) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("intensity", [0.1, 0.15, 2.0, 3.0])

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from jotlight.array_types import Array
 from jotlight.sensing.likelihood.multibit import ReadingLikelihood, reading_probability
 from jotlight.sensing.likelihood.reference import reference_jot
+from jotlight.sensing.parameters.reading_groups import ReadingGroup
 from jotlight.sensing.parameters.response import JotResponse, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
@@ -92,8 +93,7 @@ def _typical_threshold(sensor: Sensor) -> int:
     groups = sensor.groups()
     thresholds = np.array([float(group.sensor.threshold) for group in groups])
     light = np.array([group.sensor.light_per_intensity for group in groups])
-    weights = np.array([len(group.frames) * live_share(group.sensor) for group in groups])
-    weights = np.maximum(weights, 1e-9)
+    weights = np.maximum([_live_frames(group) for group in groups], 1e-9)
     rates = np.exp(psi(thresholds))
     centers = np.log(rates / light)
     squares = (centers - np.average(centers, weights=weights)) ** 2
@@ -108,6 +108,11 @@ def _is_dim(sensor: Sensor) -> bool:
     """Return whether few photons, fewer than the threshold, make many of the ones, by noise."""
     brightest = sensor.light_per_intensity * sensor.max_intensity
     return brightest < _FEW_PHOTONS and sensor.threshold <= _MAX_NOISY_THRESHOLD
+
+
+def _live_frames(group: ReadingGroup[Sensor]) -> float:
+    """Return the mean number of readings of a jot that are in a group."""
+    return len(group.frames) * live_share(group.sensor)
 
 
 def live_share(sensor: Sensor) -> float:
@@ -198,7 +203,7 @@ def _as_informative(sensor: Sensor, reference: Sensor, dark: Array) -> Array:
         response = JotResponse(1, own.read_noise, own.threshold)
         none = np.zeros((len(dark), 0), np.int32)
         cells = ReadingLikelihood(response, none, False, 1.0, dark)
-        number = len(group.frames) * live_share(own)
+        number = _live_frames(group)
         total_light += number * light
         information += number * light**2 * cells.information_per_reading(0.0)
     # Far from darkness, a reading of 0 is so rare that its information vanishes.
@@ -219,5 +224,6 @@ def _as_often_ones(sensor: Sensor, reference: Sensor, dark: Array) -> Array:
         )
         for group in groups
     ]
-    mean = np.average(each, axis=0, weights=[len(group.frames) for group in groups])
+    weights = np.maximum([_live_frames(group) for group in groups], 1e-9)
+    mean = np.average(each, axis=0, weights=weights)
     return inverse_detection_probability(int(reference.threshold), mean, 1 - mean)
