@@ -77,9 +77,9 @@ def merge_readings(
     rare readings have much information about exact darkness. Where all readings are 0 or all are
     the largest one, the ones are 0 or n, and n has the same derivative at the intensity at which
     half a one or half a zero is expected. Ones are rounded to whole numbers. Trials are then scaled
-    such that the maximum stays the same. Where there is less than half a one, and the likelihood of
-    darkness is at least 1/e of the largest likelihood, the ones become 0 instead, and the trials
-    stay. Read noise causes such pixels.
+    such that the maximum stays the same. Where there is less than half a one, and the slope of ℓ at
+    darkness shows that its likelihood is at least 1/e of the largest one, the ones become 0
+    instead, and the trials stay. Read noise causes such pixels.
 
     The trials depend on the noise of the readings. So denoisers of these counts are biased if there
     are few readings. :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings
@@ -128,7 +128,7 @@ def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merge
     intensity = regular_maximum(joint)
     ones, trials = counts_at_maximum(joint, reference, intensity)
     share = light_share(joint.sensor, reference)
-    is_kept = keeps_maximum | excludes_darkness(joint, intensity)
+    is_kept = keeps_maximum | may_exclude_darkness(joint, intensity)
     return Merged(
         *round_ones(ones, trials, keeps_maximum=is_kept),
         reference,
@@ -140,15 +140,16 @@ def merge_joint(joint: JointLikelihood, *, keeps_maximum: bool = False) -> Merge
 
 
 @underflows_to_0
-def excludes_darkness(joint: JointLikelihood, intensity: Array) -> npt.NDArray[np.bool_]:
-    """Return where darkness is less likely than the most likely intensities, by more than 1 nat.
+def may_exclude_darkness(joint: JointLikelihood, intensity: Array) -> npt.NDArray[np.bool_]:
+    """Return where darkness may be less likely than the most likely intensities by more than 1 nat.
 
-    The log-likelihood is concave, so it is below its tangent at intensity 0.
+    The log-likelihood is concave, so it is below its tangent at intensity 0. Where this rises by at
+    most 1 nat up to the most likely intensity, darkness is at least 1/e times as likely.
 
     Examples
     --------
     >>> joint = joint_likelihood(np.array([[0, 1]], np.int32), jl.Sensor(frames=4), None)
-    >>> excludes_darkness(joint, regular_maximum(joint))
+    >>> may_exclude_darkness(joint, regular_maximum(joint))
     array([[False,  True]])
     """
     with np.errstate(over="ignore"):

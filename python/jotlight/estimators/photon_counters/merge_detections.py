@@ -15,7 +15,7 @@ from jotlight.estimators.merge_readings import (
     linear_counts,
     round_ones,
 )
-from jotlight.estimators.readings.neighbors import toward_own, typical_spread
+from jotlight.estimators.readings.neighbors import averaged_pixels, toward_own, typical_spread
 from jotlight.estimators.readings.reference_sensors import MAX_TRIALS
 from jotlight.estimators.readings.whole_counts import complete_trials, whole_counts
 from jotlight.sensing.bits.values import check_any_valid
@@ -95,7 +95,7 @@ def merge_at_maximum(
     rate = slope * intensity + pixel.dark_counts / sensor.frames
     ends = {"is_dark": distinct == 0, "is_full": distinct == pixel.max_count}
     each = counts_of_equal_likelihood(gradient, information, slope, rate, rate, **ends)
-    # As for readings, less than half a one becomes 0 only where a pixel may be dark.
+    # As for readings, less than half a one becomes 0 only where darkness is likely enough.
     is_kept = light * pixel.score(distinct, np.zeros(distinct.shape)) * intensity > 1
     rounded = round_ones(*each, keeps_maximum=is_kept)
     is_live = _live_pixels(sensor, counts.shape)
@@ -183,7 +183,7 @@ def _average(
     typical = np.interp(counts[is_live].mean(), mean, known * levels**2)
     # A count says as much as this number of detections without a dead time.
     spread = typical_spread(typical, typical)
-    half = 0.5 / (4 * np.pi * spread**2)
+    half = 0.5 / averaged_pixels(spread)
     total, number = (gaussian_filter(part.astype(np.float64), spread) for part in (counts, is_live))
     average = total / np.maximum(number, 1e-9)
     inside = np.clip(average, half, max_count - half)

@@ -63,8 +63,19 @@ def typical_spread(readings: float, information: float) -> float:
     8.9
     """
     spread = min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA)
-    least = _ENOUGH / (4 * np.pi * _MAX_WIDE_SIGMA**2)
+    least = _ENOUGH / averaged_pixels(_MAX_WIDE_SIGMA)
     return float(max(spread, _MAX_WIDE_SIGMA * np.sqrt(least / max(information, least))))
+
+
+def averaged_pixels(sigma: float) -> float:
+    """Return how many pixels a Gaussian average is worth: the noise of their mean is the same.
+
+    Examples
+    --------
+    >>> round(averaged_pixels(1.0), 2)
+    12.57
+    """
+    return 4 * np.pi * sigma**2
 
 
 def min_intensity(sensor: Sensor) -> float:
@@ -101,7 +112,7 @@ def common_intensity(
             gaussian_filter(np.where(own, part, 0.0), sigma)
             for part in (joint.total, joint.max_total)
         )
-        half = 0.5 / (4 * np.pi * sigma**2)
+        half = 0.5 / averaged_pixels(sigma)
         inside = np.minimum(np.maximum(total, half), largest - half)
         fraction = np.where(own, inside / np.maximum(largest, 1e-9), fraction)
     near = solve_expected_total(joint, np.clip(fraction, 0, 1) * joint.max_total)
@@ -176,8 +187,8 @@ def average_fractions(
 ) -> Array:
     """Return the fraction of ones of each pixel and its neighbors with the same filter, (H, W).
 
-    It is at least that of half a one, because bits with a high threshold tell nothing about
-    darkness.
+    The ones of an average count as half a one or more, because bits with a high threshold tell
+    nothing about darkness. At most half of its trials are ones by this rule.
 
     Parameters
     ----------
@@ -196,7 +207,7 @@ def average_fractions(
         total, number = (
             gaussian_filter(np.where(own, part, 0.0), sigma) for part in (ones, trials)
         )
-        total = np.maximum(total, np.minimum(0.5 / (4 * np.pi * sigma**2), number / 2))
+        total = np.maximum(total, np.minimum(0.5 / averaged_pixels(sigma), number / 2))
         fraction = np.where(own, total / np.maximum(number, 1e-9), fraction)
     return np.asarray(np.clip(fraction, 0, MAX_FRACTION))
 

@@ -97,8 +97,8 @@ def whole_counts(
 ) -> tuple[npt.NDArray[np.int32], Array]:
     """Return whole ones, whose errors cancel among pixels with the same filter, and their trials.
 
-    Where there are more ones than trials, the next pixels have fewer trials. Pixels without a zero
-    keep none.
+    Where there are more ones than trials, the next pixels have fewer trials. Pixels whose trials
+    are all ones stay without a zero.
 
     Parameters
     ----------
