@@ -40,7 +40,6 @@ def draw_curves(
 
 
 def _draw_curve(axes: "Axes", title: str, x: npt.NDArray[np.int64], y: Array, scale: str) -> None:
-
     set_title(axes, title)
     axes.set_xlabel("step", color=QUIET)
     if len(x) == 0:

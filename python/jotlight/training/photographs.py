@@ -96,7 +96,7 @@ class PhotographPatches(PatchSource):
         return len(self.photographs)
 
     def _photograph(self, index: int) -> tuple[Levels, Array]:
-        """Return the planes of a photograph, and their mean intensities."""
+        """Return the planes of a photograph, and their :func:`mean_intensities`."""
         return self.photographs[index], self._means[index]
 
     @classmethod
@@ -247,7 +247,10 @@ def require_photographs(photographs: object) -> None:
 
 
 def planes_of(photograph: npt.NDArray[np.uint8], index: int) -> Levels:
-    """Return the planes of a photograph, after checks."""
+    """Return the planes of a photograph, (P, H, W), after checks.
+
+    They are luma alone, or luma, red, green, and blue.
+    """
     if not isinstance(photograph, np.ndarray) or photograph.dtype != np.uint8:
         kind = getattr(photograph, "dtype", type(photograph).__name__)
         raise TypeError(
