@@ -123,7 +123,7 @@ impl<'a> JointReadings<'a> {
     }
 
     /// Replace `intensity`, the first guess, with the intensities in [0, `highest`] at which the
-    /// expected sum of the readings is `total`. `offset` is δ.
+    /// expected sum of the readings is `total`. `offset` is δ. For a total of 0 or less, it is 0.
     ///
     /// # Errors
     /// [`Error::Shape`] for another number of intensities or totals. [`Error::Range`] if `highest` is
@@ -142,6 +142,10 @@ impl<'a> JointReadings<'a> {
         check_numbers("total", total)?;
         let cells = with_tables(&self.terms, Response::moments_table);
         self.for_each_pixel(intensity, |pixel, start| {
+            // Expected sums that underflow would be as near to 0 as that of darkness.
+            if total[pixel] <= 0.0 {
+                return 0.0;
+            }
             let evaluate = |x: f64| {
                 let (expected, slope) = self.expected_total(pixel, x, &cells);
                 (total[pixel] - expected, (x + offset) * slope)
@@ -296,6 +300,7 @@ fn find_root(evaluate: impl Fn(f64) -> (f64, f64), start: f64, highest: f64, off
 mod tests {
     use super::*;
     use crate::likelihood::Threshold;
+    use crate::multibit::Sample;
     use crate::values::Values;
 
     #[test]
@@ -322,6 +327,32 @@ mod tests {
         joint.solve_total(&[1.0], 9.0, 0.0, &mut intensity)?;
         let x = intensity[0];
         assert!(((-x / 2.0).exp() + (-1.5 * x).exp() - 1.0).abs() < 1e-12);
+        Ok(())
+    }
+
+    #[test]
+    fn a_total_of_0_is_expected_in_darkness() -> Result<()> {
+        // About these lights, the mean reading underflows, but not its derivative.
+        let sample = Sample::Histograms(&[1, 0]);
+        for threshold in 100..400 {
+            let response = Response::new(1, 1.0, threshold)?;
+            let (one, dark) = (Values::Same(1.0), Values::Same(1e-100));
+            let term = Term {
+                cells: TermCells::Several(Cells::new(&response, sample, 1, one, dark)?),
+                light: 1.0,
+                side: 1,
+                places: None,
+            };
+            let joint = JointReadings::new(vec![term], 1, 1)?;
+            for start in [1e-4, 1e-3, 1e-2, 0.1, 0.5, 1.0] {
+                let mut intensity = [start];
+                joint.solve_total(&[0.0], 9.0, 1e-100, &mut intensity)?;
+                assert!(
+                    intensity[0].abs() < 1e-300,
+                    "{threshold} {start} {intensity:?}"
+                );
+            }
+        }
         Ok(())
     }
 }
