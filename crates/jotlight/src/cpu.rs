@@ -94,7 +94,8 @@ impl Level {
     ///
     /// The results of different levels agree up to rounding. Integer results are identical. Choose a
     /// level only while no other function of the engine runs, because parts of one call expect the
-    /// same level.
+    /// same level. Layers that have run keep their filters in groups for the registers of their
+    /// first level. Their results are right at all levels, but they may be slower than new layers.
     ///
     /// # Errors
     /// [`Error::Range`] if the processor supports no level with this name.
