@@ -58,6 +58,18 @@ def test_readings_that_tell_as_much_as_their_counts_keep_their_intervals():
     assert not found.unlit.any()
 
 
+@pytest.mark.parametrize("live", [2, 4])
+def test_dead_jots_change_no_interval(live):
+    """The trials of the counts have fewer readings, too."""
+    estimate = np.geomspace(0.2, 2, 16, dtype=np.float32).reshape(4, 4)
+    found = intervals(0.8 * estimate, 1.2 * estimate)
+    sensor = BRACKET.replace(oversampling=2)
+    masked = sensor.replace(mask=np.arange(64).reshape(8, 8) % live > 0)
+    expected = widen_intervals(found, estimate, sensor).low
+    assert (expected < found.low).any()
+    np.testing.assert_allclose(widen_intervals(found, estimate, masked).low, expected, rtol=1e-5)
+
+
 def test_a_lit_pixel_whose_interval_began_at_0_stays_lit():
     estimate = np.float32([[0.02, 0.02]])
     found = widen_intervals(intervals(np.float32([[0.0, 0.01]]), 2 * estimate), estimate, BRACKET)

@@ -26,9 +26,9 @@ def widen_intervals(
     tell less: those of a bracket with threshold 8 tell nearly nothing about light that is below all
     of its thresholds, but trials with threshold 1 do. So each lower end moves down until it is as
     many standard deviations from the estimate for the readings as it was for the counts. The number
-    of standard deviations is the integral of √I over the intensity, where I is the information of a
-    pixel with median jots. No lower end moves up. Upper ends stay. Saturated pixels have a rule of
-    their own, and near them errors are those of edges, which do not follow the information.
+    of standard deviations is the integral of √I over the intensity, where I is the information of
+    the median jots of a pixel. No lower end moves up. Upper ends stay. Saturated pixels have a rule
+    of their own, and near them errors are those of edges, which do not follow the information.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def widen_intervals(
         return 2 * stabilize(intensity, reference, *reference_jot(reference))
 
     own, low = (each.astype(np.float64) for each in (estimate, found.low))
-    per_trial = _information(reference, light) / reference.trials
+    per_trial = _information_of_reading(reference, light)
     trials = information / np.maximum(per_trial, np.finfo(np.float64).tiny)
     scale = np.sqrt(np.interp(own, light, trials))
     place = np.interp(own, light, distance) - scale * (deviations(own) - deviations(low))
@@ -74,16 +74,21 @@ def _nodes(sensor: Sensor) -> Array:
 
 
 def _information(sensor: Sensor, intensity: Array) -> Array:
-    """Return the information of a pixel with median jots about its intensity.
+    """Return the information of the live median jots of a pixel about its intensity."""
+    total = np.zeros(intensity.shape)
+    for group in sensor.groups():
+        number = group.sensor.trials * live_share(group.sensor)
+        total += number * _information_of_reading(group.sensor, intensity)
+    return total
+
+
+def _information_of_reading(sensor: Sensor, intensity: Array) -> Array:
+    """Return the information of a reading of a median jot about the intensity of its pixel.
 
     At intensity 0, it is that at the next one, because it may be infinite at 0.
     """
-    inside, total = np.maximum(intensity, intensity[1]), np.zeros(intensity.shape)
-    for group in sensor.groups():
-        own, light = group.sensor, group.sensor.light_per_intensity
-        number = own.trials * live_share(own)
-        total += number * light**2 * reading_information(own, light * inside)
-    return total
+    light = sensor.light_per_intensity
+    return light**2 * reading_information(sensor, light * np.maximum(intensity, intensity[1]))
 
 
 def _integral(values: Array, nodes: Array) -> Array:
