@@ -13,7 +13,7 @@ In reading order:
 - ``evaluate``: one method on many images.
 - ``run_methods``, ``compare``: many methods on one image.
 
-Its folders, each of which imports only those before it, and some of the modules above:
+Its folders. They import only those before them, and some of the modules above:
 
 - ``records``: how an image was made.
 - ``contradictions``: warnings about a largest intensity, and dark counts, that the data contradict.
