@@ -199,7 +199,8 @@ class VideoStore:
         """
         temporary = self.part / f"image-{uuid.uuid4().hex}"
         content = np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<"))
-        with explained_failure(self.path, temporary):
+        with explained_failure(self.path, temporary), contextlib.ExitStack() as stack:
+            stack.callback(temporary.unlink, missing_ok=True)  # it would keep a full disk full
             write_image(temporary, content)
             temporary.replace(self._files(self._array()).path(index))
 
