@@ -160,6 +160,7 @@ def test_the_error_of_other_data_names_their_type(tmp_path, data, kind):
         (np.full((2, 3), np.nan), r"got float64; jotlight\.save_image"),
         (jl.Merged([[3, 1]], [[4.0, 2.0]], jl.Sensor(frames=4)), r"numpy\.savez\(.*merged\.ones"),
         ([BITS, BITS], "got list; write each of them to a file of its own"),
+        ([], r"or an array of counts, got list$"),
     ],
 )
 def test_the_error_of_other_data_says_what_writes_them(tmp_path, data, advice):

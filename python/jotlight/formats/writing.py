@@ -93,8 +93,12 @@ def _advice(data: object) -> str:
 
 
 def _are_bits(data: object) -> bool:
-    """Return whether data are a list of bits."""
-    return isinstance(data, list | tuple) and all(isinstance(each, Bits) for each in data)
+    """Return whether data are a list of bits, which is not empty."""
+    return (
+        isinstance(data, list | tuple)
+        and len(data) > 0
+        and all(isinstance(each, Bits) for each in data)
+    )
 
 
 def _checked_counts(data: object) -> Counts:
