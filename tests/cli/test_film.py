@@ -1,6 +1,8 @@
 """`jotlight film`: windows of frames, with and without motion."""
 
+import errno
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from PIL import Image
 
 import jotlight as jl
 from folders import file_names
+from jotlight.cli.reconstruction import records
 from jotlight.cli.terminal import console
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.methods import METHODS
@@ -296,6 +299,31 @@ def test_bad_input_gets_one_clear_line_and_leaves_no_files(
     [line] = output.splitlines()
     assert line.startswith("error: ")
     assert expected in line
+    assert file_names(tmp_path) == before
+
+
+@pytest.mark.parametrize("output", ["film", "film.npy"])
+def test_a_disk_without_space_for_the_record_gets_no_film(
+    run, capture, tmp_path, monkeypatch, output
+):
+    sizes = []
+    write = records.write_file
+
+    def write_little(file, text, limit=None):
+        sizes.append(len(text))
+        if limit is not None and len(text) > limit:
+            raise OSError(errno.ENOSPC, "No space left on device", str(file))
+        write(file, text)
+
+    monkeypatch.setattr(records, "write_file", write_little)
+    arguments = ["film", "known.npy", "-m", "mle", "--window", 16, "-o"]
+    assert run(*arguments, "first.npy")[0] == 0
+    reserved, used = sizes
+    assert used < reserved
+    before = file_names(tmp_path)
+    monkeypatch.setattr(records, "write_file", partial(write_little, limit=used - 1))
+    status, text = run(*arguments, output)
+    assert (status, text) == (1, f"error: cannot write {output}: No space left on device\n")
     assert file_names(tmp_path) == before
 
 

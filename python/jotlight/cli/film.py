@@ -119,6 +119,7 @@ def _write(
     watched = dataclasses.replace(job, captured=dataclasses.replace(job.captured, data=data))
     records = Records([outputs.output], job.calibration, every=True)
     summary = FilmSummary(_has_memory(outputs, motion))
+    aligned = {**motion.facts(), "memory": summary.has_memory} if motion.motion else None
     start = time.perf_counter()
     with atomic_write_together([], records.paths(), output=outputs.output) as files:
         with progress(len(spans)) as begin:
@@ -127,6 +128,8 @@ def _write(
                 samples = _samples(job, outputs, motion, spans, threads)
                 summary.tone, summary.clipping = outputs.fit_film_tone(samples)
             facts = _facts_before(job, outputs, summary.tone)
+            known = origin_of(job, [job.captured.sensor], (0, 0), aligned)
+            records.reserve(files, job, facts | known)
             with video_writer(
                 outputs.output,
                 len(spans),
@@ -142,7 +145,6 @@ def _write(
                     summary.add(image)
                     add(image * scale)
         summary.seconds = time.perf_counter() - start
-        aligned = {**motion.facts(), "memory": summary.has_memory} if motion.motion else None
         facts |= origin_of(job, _sensors_of_images(job, summary), checksum(), aligned)
         records.write(files, [outputs.output], job, facts)
     return summary

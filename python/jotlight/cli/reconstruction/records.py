@@ -25,6 +25,10 @@ _NO_PLACE = (".npy", ".npz")
 """Endings of files that have no place for a note."""
 
 
+_SPARE_BYTES = 1 << 13
+"""Space in bytes for what a record states only when its output is complete."""
+
+
 class Records:
     """The records beside the outputs of a reconstruction.
 
@@ -66,6 +70,17 @@ class Records:
         """Return the paths of the records."""
         return [path for _, path in self._places]
 
+    def reserve(
+        self, files: Sequence[Path], job: Reconstruction, origin: Mapping[str, Any]
+    ) -> None:
+        """Fill temporary files, so that a full disk is found before an output is complete.
+
+        :meth:`write` replaces their content by a shorter one. `origin` is what is known before.
+        """
+        for file, (index, _) in zip(files, self._places, strict=True):
+            text = json.dumps(self._content(index, job, origin), indent=2)
+            write_file(file, text + " " * _SPARE_BYTES)
+
     def write(
         self,
         files: Sequence[Path],
@@ -79,13 +94,19 @@ class Records:
         made of.
         """
         for file, (index, _) in zip(files, self._places, strict=True):
-            content: dict[str, Any] = {"format": FORMAT, "version": 1, "jotlight": __version__}
-            if index == 0 and self._calibration is not None:
-                content = self._calibration.description(*job.record_arguments)
-            content["origin"] = dict(origin)
+            content = self._content(index, job, origin)
             if outputs[index].is_file():
                 content["sha256"] = file_checksum(outputs[index])
             write_file(file, json.dumps(content, indent=2) + "\n")
+
+    def _content(
+        self, index: int, job: Reconstruction, origin: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Return the content of the record of an output, without the checksum of the output."""
+        content: dict[str, Any] = {"format": FORMAT, "version": 1, "jotlight": __version__}
+        if index == 0 and self._calibration is not None:
+            content = self._calibration.description(*job.record_arguments)
+        return {**content, "origin": dict(origin)}
 
 
 def origin_of(
