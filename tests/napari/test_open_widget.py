@@ -44,6 +44,16 @@ def test_raw_frames_of_a_file_and_of_a_folder(widget, click, tmp_path):
     assert bits.shape == (2, 512, 512)
 
 
+def test_raw_frames_of_a_stated_layout(widget, click, tmp_path):
+    frames = RNG.random((3, 6, 13)) < 0.5
+    (tmp_path / "camera.raw").write_bytes(b"HEAD" + np.packbits(frames, axis=2).tobytes())
+    widget.show_path(tmp_path / "camera.raw")
+    assert "or state its layout" in widget.message.value
+    widget.raw_layout.value = "6x13,file_header=4"
+    [bits] = press_open(widget, click)
+    np.testing.assert_array_equal(bits.to_array(), frames)
+
+
 def test_color_filters_of_a_capture_that_does_not_state_them(widget, click, tmp_path):
     bits = jl.Bits.from_array(RNG.random((16, 6, 8)) < 0.4)
     jl.save(bits, tmp_path / "capture.npy")

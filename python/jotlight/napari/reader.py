@@ -47,6 +47,7 @@ def read(
     key: str | None = None,
     mosaic: str | None = None,
     bit_depth: int | None = None,
+    layout: str | None = None,
 ) -> list[LayerData]:
     """Return a layer of a capture, or of each capture in a file of several arrays.
 
@@ -67,6 +68,8 @@ def read(
     bit_depth : int, optional
         The bits of a reading, 2 to 16, if the images are frames of such readings. Default: what the
         capture states.
+    layout : str, optional
+        The layout of raw frames, as :meth:`jotlight.RawLayout.parse` reads it.
 
     Raises
     ------
@@ -77,7 +80,7 @@ def read(
     if single is None:
         raise ValueError(f"path: expected one capture, got {path!r}")
     try:
-        return [_read_array(single, format, key, mosaic, bit_depth)]
+        return [_read_array(single, format, key, mosaic, bit_depth, layout)]
     except SeveralArraysError as error:
         if key is not None or not 0 < len(error.names) <= _MAX_ARRAYS:
             raise ValueError(f"{error}; name it in Plugins > jotlight > {OPEN_TITLE}") from error
@@ -111,8 +114,11 @@ def _read_array(
     key: str | None,
     mosaic: str | None,
     bit_depth: int | None,
+    layout: str | None = None,
 ) -> LayerData:
-    opened = open_capture(path, format=format, key=key, bit_depth=bit_depth, isolate=True)
+    opened = open_capture(
+        path, format=format, layout=layout, key=key, bit_depth=bit_depth, isolate=True
+    )
     title = path.name if key is None else f"{path.name}: {key}"
     if isinstance(opened, Bits):
         viewed = dataclasses.replace(Viewed.from_data(opened), title=title)
