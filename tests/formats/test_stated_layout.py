@@ -83,8 +83,19 @@ def test_numbers_of_0_and_1_are_bits_on_request(tmp_path):
     path.write_bytes(FRAMES.astype(np.uint8).tobytes())
     bits = jl.open(path, layout="6x13,dtype=uint8", unpacked=True)
     assert (bits.to_array() == FRAMES).all()
-    with pytest.raises(ValueError, match="add a type of numbers, such as 6x13,dtype=uint8"):
-        jl.open(path, layout="6x13", unpacked=True)
+    with pytest.raises(ValueError, match=r"unpacked: False .* numbers of uint8; leave out one"):
+        jl.open(path, layout="6x13,dtype=uint8", unpacked=False)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"unpacked": True}, {"counts": True}, {"counts_scale": 255, "trials": 2}, {"bit_depth": 8}],
+)
+def test_numbers_need_a_type_in_the_layout(tmp_path, options):
+    (tmp_path / "a.raw").write_bytes(bytes(12))
+    expected = f"{next(iter(options))}: expected a layout of numbers, .*, such as 6x13,dtype=uint8"
+    with pytest.raises(ValueError, match=expected):
+        jl.open(tmp_path / "a.raw", layout="6x13", **options)
 
 
 def test_files_of_a_folder_follow_each_other_and_each_has_a_header(tmp_path):

@@ -74,11 +74,17 @@ class ReadingOptions:
                 f"layout: is for raw frames without a format, not for {self.format!r}; leave out "
                 "one of layout and format"
             )
-        if self.unpacked and layout.number_type is None:
+        of_numbers = "unpacked", "counts", "counts_scale", "bit_depth"
+        stated = next((name for name in of_numbers if getattr(self, name)), None)
+        if stated is not None and layout.number_type is None:
             raise ValueError(
-                "unpacked: expected a layout of numbers, got one of eight bits to a byte; "
-                "add a type of numbers, such as "
-                f"{self.layout},dtype=uint8"
+                f"{stated}: expected a layout of numbers, got one of eight bits to a byte; add a "
+                f"type of numbers, such as {self.layout},dtype=uint8"
+            )
+        if self.unpacked is False and layout.number_type is not None:
+            raise ValueError(
+                "unpacked: False (--packed) is for eight bits to a byte, but the layout states "
+                f"numbers of {layout.dtype}; leave out one of them"
             )
 
     def _check_numbers(self) -> None:
