@@ -46,16 +46,16 @@ def test_a_window_that_does_not_exist_is_named(opened, typed, window):
 def test_play_stops_when_the_window_holds_all_frames(opened):
     tab = opened("method=mle&window=200&white=1")
     tab.keyboard.press(" ")
-    assert tab.locator("#play").get_attribute("title") == "Pause"
+    assert tab.locator("#play").get_attribute("aria-label") == "Pause"
     tab.keyboard.press("]")
-    tab.locator("#play[title=Play]").wait_for()
+    tab.locator("#play[aria-label=Play]").wait_for()
     tab.keyboard.press("[")
     tab.keyboard.press(" ")
-    assert tab.locator("#play").get_attribute("title") == "Pause"
+    assert tab.locator("#play").get_attribute("aria-label") == "Pause"
 
 
 def test_play_stops_when_the_connection_is_lost(opened):
     tab = opened("method=mle&window=16&white=1")
     tab.keyboard.press(" ")
     tab.evaluate("() => { WebSocket.prototype.send = function () { this.close(); }; }")
-    tab.locator("#play[title=Play]").wait_for()
+    tab.locator("#play[aria-label=Play]").wait_for()

@@ -206,7 +206,6 @@ export class Controls {
     const action = this.capture.live ? (isRunning ? "Pause" : "Follow") : isRunning ? "Pause" : "Play";
     write("play", isRunning ? "❚❚" : "▶");
     get("play").setAttribute("aria-label", action);
-    get("play").title = action;
   }
 
   /** Name the frames of the image that is shown, which may be older than the controls. */

@@ -76,7 +76,7 @@ export class Keys {
     document.addEventListener("keydown", () => (isPointed = false), true);
     for (const [name, controls] of [["change", "select, input[type=checkbox]"], ["click", "button, summary"]]) {
       document.addEventListener(name, ({ target }) => {
-        if (isPointed && target.matches(controls)) target.blur();
+        if (isPointed) target.closest(controls)?.blur(); // the target may be a part of the control
       });
     }
   }
