@@ -1,5 +1,7 @@
 """The page in Chromium. Skipped without Playwright or without a Chromium."""
 
+import contextlib
+
 import pytest
 
 import jotlight as jl
@@ -27,7 +29,20 @@ def server():
 
 
 @pytest.fixture
-def opened(browser, server):
+def started():
+    """Start the server of a capture, which runs until all pages are closed.
+
+    A page that is still open would log that its server is gone.
+    """
+    pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
+    from view_servers import serving
+
+    with contextlib.ExitStack() as stack:
+        yield lambda viewed: stack.enter_context(serving(viewed))
+
+
+@pytest.fixture
+def opened(browser, server, started):
     """Open the page. At the end, no error was logged, and only its server was asked."""
     contexts, errors, requests = [], [], []
 

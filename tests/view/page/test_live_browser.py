@@ -20,10 +20,9 @@ new MutationObserver(() => said.push(status.textContent)).observe(status, { chil
 
 
 @pytest.fixture
-def growing(tmp_path, server):
+def growing(tmp_path, started):
     """Return a function that adds frames to a file, and the server that follows the file."""
     from jotlight.view.live.options import LiveOptions, open_live
-    from view_servers import serving
 
     path = tmp_path / "a.bin"
 
@@ -33,8 +32,7 @@ def growing(tmp_path, server):
 
     add(100)
     live = open_live(path, LiveOptions(layout="64x64", history=1), {"frames": 1})
-    with serving(live) as running:
-        yield add, running
+    yield add, started(live)
     live.close()
 
 

@@ -16,13 +16,10 @@ def test_a_stated_sensor_is_not_said_to_be_assumed(opened):
     assert tab.locator("#sensor-note").inner_text() == ""
 
 
-def test_an_assumed_sensor_is_said_to_be_so_before_the_list_is_opened(opened):
-    pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
-    from view_servers import serving
-
-    with serving(Viewed.from_data(jl.Bits.from_array(np.eye(8, dtype=bool)[None]))) as running:
-        tab = opened("method=mle", at=running)
-        assert tab.locator("summary", has_text="Sensor").text_content().strip() == "Sensor assumed"
-        tab.keyboard.press("8")
-        note = "The bits do not state their sensor; assumed: Sensor()"
-        assert tab.locator("#sensor-note").inner_text() == note
+def test_an_assumed_sensor_is_said_to_be_so_before_the_list_is_opened(opened, started):
+    running = started(Viewed.from_data(jl.Bits.from_array(np.eye(8, dtype=bool)[None])))
+    tab = opened("method=mle", at=running)
+    assert tab.locator("summary", has_text="Sensor").text_content().strip() == "Sensor assumed"
+    tab.keyboard.press("8")
+    note = "The bits do not state their sensor; assumed: Sensor()"
+    assert tab.locator("#sensor-note").inner_text() == note
