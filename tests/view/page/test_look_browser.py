@@ -24,6 +24,25 @@ def test_phones_get_one_column_without_sideways_scrolling(opened):
     assert stage["width"] == panel["width"] == PHONE["width"]
 
 
+def test_the_length_of_the_window_ends_where_its_slider_ends(opened):
+    tab = opened("method=mle", viewport=PHONE, is_mobile=True)
+    right, end = (
+        box["x"] + box["width"]
+        for box in (
+            tab.locator("#window-number").bounding_box(),
+            tab.locator("#window").bounding_box(),
+        )
+    )
+    assert right == pytest.approx(end, abs=1)
+
+
+def test_the_list_of_keys_has_a_gap_above_its_button(opened):
+    tab = opened("method=mle")
+    tab.keyboard.press("?")
+    above = tab.locator("#shortcuts .check").bounding_box()
+    assert tab.locator("#close-shortcuts").bounding_box()["y"] >= above["y"] + above["height"] + 8
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_texts_have_enough_contrast(opened, scheme):
     tab = opened("method=mle", color_scheme=scheme)
