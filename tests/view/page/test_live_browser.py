@@ -74,6 +74,16 @@ def test_what_the_badge_says_is_spoken_but_not_its_numbers(opened, growing, tmp_
     tab.wait_for_function("() => said.some((text) => text.includes('shorter'))")
 
 
+def test_a_remark_needs_no_action(opened, growing):
+    _, running = growing
+    tab = opened("window=16", at=running)
+    running._workshop.viewed.remark = "notes.txt: ignored"
+    tab.locator("#toast", has_text="notes.txt: ignored").wait_for()
+    assert not tab.locator("#dismiss").is_visible()
+    tab.locator("#toast:empty").wait_for(state="attached")
+    assert tab.locator("#remark").inner_text() == "notes.txt: ignored"
+
+
 def test_paused_frames_that_leave_memory_keep_their_numbers(opened, growing):
     add, running = growing
     tab = opened("window=16", at=running)

@@ -1,5 +1,7 @@
 """The page in Chromium tells screen readers what its keys have done, and why they do nothing."""
 
+import re
+
 import pytest
 
 from painted import final
@@ -22,6 +24,13 @@ def test_the_keys_of_controls_say_their_new_state(opened):
     tab.keyboard.press("q")
     tab.locator("#toast", has_text="Quality is unavailable: only a network").wait_for()
     assert tab.locator("#quality-reason").text_content() == "Only a network has qualities"
+
+
+def test_an_overlay_that_is_shown_again_is_said_again(opened):
+    tab = opened("method=mle&window=16&white=1")
+    for text in (r"Saturated pixels: \d", "Saturated pixels: off", r"Saturated pixels: \d"):
+        tab.keyboard.press("s")
+        tab.locator("#status", has_text=re.compile(text)).wait_for(state="attached")
 
 
 def test_a_difference_is_described_as_one(opened):

@@ -4,14 +4,14 @@ import { Connection } from "./connection.js";
 import { Controls, capitalize, element, write } from "./controls.js";
 import { addGestures } from "./gestures.js";
 import { Keys } from "./keys.js";
-import { warn } from "./messages.js";
+import { toast, warn } from "./messages.js";
 import { Player } from "./play.js";
 import { Timeline, drawHistogram, forgetColors, format } from "./plots.js";
 import { describeImage, showReadout, showLegend, showOverlayNotes } from "./readout.js";
-import { addSharing, request } from "./share.js";
+import { addSharing } from "./share.js";
 import { nameOf, say, saySoon } from "./speech.js";
 import { Stage } from "./stage.js";
-import { Store } from "./store.js";
+import { OVERLAYS, Store } from "./store.js";
 import { addTheme } from "./theme.js";
 
 const get = (id) => document.getElementById(id);
@@ -43,7 +43,7 @@ function ask(moving) {
     number += 1;
     if (isBusy) showBusy();
     else if (connection.isOpen) waitForImage();
-    connection.send({ type: "view", id: number, moving: isMoving, state: request(store.state) });
+    connection.send({ type: "view", id: number, moving: isMoving, state: store.state });
   });
 }
 
@@ -52,9 +52,11 @@ store.listeners.push((moving) => {
   controls.update();
   drawTime();
   showBadge();
-  for (const kind of [...stage.overlays.keys()]) {
+  for (const kind of OVERLAYS) {
+    const isShown = store.state.overlays.includes(kind);
     // Jots stay where they are. Other overlays are those of one image.
-    if (!store.state.overlays.includes(kind) || kind !== "jots") stage.removeOverlay(kind);
+    if (!isShown || kind !== "jots") stage.removeOverlay(kind);
+    if (!isShown) saidOfOverlays.delete(kind);
   }
   showOverlayNotes(stage, store.state);
   ask(moving);
@@ -91,9 +93,9 @@ let histogram = null;
 function onPainted(header, bytes) {
   if (header.stage === "final") {
     // While the slider moves, a few histograms per second suffice.
-    const isDrawn = histogram !== null;
+    const isScheduled = histogram !== null;
     histogram = { header, bytes };
-    if (!isDrawn) setTimeout(showHistogram, isMoving ? HISTOGRAM_DELAY : 0);
+    if (!isScheduled) setTimeout(showHistogram, isMoving ? HISTOGRAM_DELAY : 0);
     speak(header);
   }
   controls.setShown(header);
@@ -201,7 +203,7 @@ const handlers = {
     capture = header;
     if (isFirst) write("address-note", store.begin(header));
     controls.begin(header);
-    for (const kind of [...stage.overlays.keys()]) stage.removeOverlay(kind);
+    for (const kind of OVERLAYS) stage.removeOverlay(kind);
     drawTime();
     ask(false);
   },
@@ -243,7 +245,7 @@ const handlers = {
     controls.setFrames(header.first, header.end);
     timeline.setRates(bytes);
     showBadge();
-    if (header.remark && header.remark !== get("remark").textContent) warn(header.remark);
+    if (header.remark && header.remark !== get("remark").textContent) toast(header.remark);
     write("remark", header.remark ?? "");
     drawTime();
   },

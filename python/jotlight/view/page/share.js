@@ -72,11 +72,6 @@ async function save(store, ending) {
   toast(`Saved: ${link.download}`);
 }
 
-/** Return the state for the server. */
-export function request(state) {
-  return { ...state };
-}
-
 /** Return the state of the image that is shown, whatever arrives meanwhile. */
 function shown(state) {
   return { ...state, follow: false };
