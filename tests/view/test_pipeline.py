@@ -24,9 +24,12 @@ def pipeline():
 def notes_of(pipeline, **state):
     request = ImageRequest(1, ViewState(**state))
     counts, _ = pipeline.count(request, [])
-    message = pipeline.refine(request, counts)
+    return header_of(pipeline.refine(request, counts))["notes"]
+
+
+def header_of(message):
     (length,) = struct.unpack("<I", message[:4])
-    return json.loads(message[4 : 4 + length])["notes"]
+    return json.loads(message[4 : 4 + length])
 
 
 def test_the_warning_of_a_failed_alignment_stays_with_every_method(pipeline):
@@ -35,3 +38,15 @@ def test_the_warning_of_a_failed_alignment_stays_with_every_method(pipeline):
         assert "expected 16 or more frames" in note
     assert notes_of(pipeline, window=10, method="mle") == []
     assert notes_of(pipeline, window=32, method="mle", align=True) == []
+
+
+def test_the_uncertainty_of_counts_is_unknown_and_its_note_says_why(pipeline):
+    request = ImageRequest(1, ViewState(method="counts", overlays=("uncertainty",)))
+    pipeline.count(request, ["counts"])
+    [message] = pipeline.overlays(request)
+    header = header_of(message)
+    assert header["unknown"]
+    assert header["note"] == "uncertainty: counts are no estimate; choose a method"
+    # Counts that an estimate replaces soon say nothing.
+    request = ImageRequest(2, ViewState(method="network-small", overlays=("uncertainty",)))
+    assert list(pipeline.overlays(request)) == []

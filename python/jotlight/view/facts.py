@@ -53,7 +53,6 @@ def describe_capture(viewed: Viewable) -> dict[str, Any]:
     return {
         "software": f"jotlight {__version__}",
         "title": viewed.title,
-        "shape": list(viewed.shape),
         "cycle": viewed.cycle,
         "mean_reading": counted_by(sensor).mean,
         "align_reason": alignment_reason(viewed),
@@ -67,8 +66,6 @@ def describe_capture(viewed: Viewable) -> dict[str, Any]:
         "recommended": recommended,
         # Maximum likelihood follows a live capture without delay.
         "state": {"window": window, "method": "mle" if viewed.is_live else recommended},
-        "photons": sensor.exposure_time is not None,
-        "oversampling": sensor.oversampling,
     }
 
 

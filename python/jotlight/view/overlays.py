@@ -123,8 +123,10 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
     Raises
     ------
     ValueError
-        When the errors of the method are unknown.
+        When the errors of the method are unknown, and for counts, which are no estimate.
     """
+    if estimate.method == COUNTS:
+        raise ValueError("uncertainty: counts are no estimate; choose a method")
     method = None if estimate.method == COLOR_NETWORK else estimate.method
     has_planes = estimate.sensor.mosaic is not None and method is not None
     check_errors_known(method, estimate.sensor)

@@ -99,10 +99,10 @@ class Pipeline:
         return self._image_message(request, made, stage, start, notes)
 
     def refine(self, request: ImageRequest, counts: AnyIntegers) -> bytes:
-        """Return the image of the chosen method, aligned or compared if the state says so."""
+        """Return the image of a method other than the counts, aligned or compared on request."""
         state, start = request.state, time.perf_counter()
         with collected() as notes:
-            merged = self._merge(request) if state.align and state.method != COUNTS else None
+            merged = self._merge(request) if state.align else None
             made, *others = (
                 estimate(self.viewed, state.span, method, counts, merged, request.check)
                 for method in (state.method, state.compare)
@@ -110,7 +110,7 @@ class Pipeline:
             )
         self.workshop.record_seconds(state, time.perf_counter() - start)
         request.check()
-        other = others[0] if others and state.method != COUNTS else None
+        other = others[0] if others else None
         return self._image_message(request, made, "final", start, notes, other)
 
     def overlays(self, request: ImageRequest) -> Iterator[bytes]:
@@ -120,8 +120,8 @@ class Pipeline:
             request.check()
             if made is None:
                 continue
-            if kind == "uncertainty" and made.method == COUNTS:
-                continue
+            if kind == "uncertainty" and made.method == COUNTS != request.state.method:
+                continue  # an estimate replaces the counts soon
             try:
                 map_, facts = self._overlay(kind, made)
             except (ValueError, TypeError) as error:
@@ -233,9 +233,15 @@ class Pipeline:
 def is_quick(state: ViewState) -> bool:
     """Return whether the counts or maximum likelihood are all that a state asks for.
 
+    Counts are neither aligned nor compared.
+
     Examples
     --------
-    >>> is_quick(ViewState(method="mle")), is_quick(ViewState(method="network-small"))
+    >>> is_quick(ViewState(method="mle")), is_quick(ViewState(method="mle", align=True))
     (True, False)
+    >>> is_quick(ViewState(method="counts", align=True))
+    True
     """
-    return state.method in (COUNTS, "mle") and not state.align and state.compare is None
+    if state.method == COUNTS:
+        return True
+    return state.method == "mle" and not state.align and state.compare is None
