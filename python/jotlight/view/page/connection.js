@@ -30,28 +30,26 @@ export class Connection {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     this.socket = new WebSocket(`${scheme}//${location.host}/stream`);
     this.socket.binaryType = "arraybuffer";
-    let wasOpen = false;
     // A server that has too many pages accepts the connection, but sends nothing.
+    this.isOpen = false;
     const begin = () => {
-      wasOpen = true;
+      this.isOpen = true;
       this.onReopen?.(); // requests from before the loss get no answer
       this.onChange(true, "");
     };
     this.socket.onmessage = (event) => {
       const { header, bytes } = decode(event.data);
-      if (!wasOpen) begin();
+      if (!this.isOpen) begin();
       // Without a confirmation, the server stops sending.
       if (header.type === "image" || header.type === "overlay") this.send({ type: "ack" });
       this.onMessage(header, bytes);
     };
     this.socket.onclose = async (event) => {
+      const wasOpen = this.isOpen;
+      this.isOpen = false;
       this.onChange(false, wasOpen || !(await isRefused()) ? event.reason || LOST : OUTDATED);
       setTimeout(() => this.open(), RETRY_MILLISECONDS);
     };
-  }
-
-  get isOpen() {
-    return this.socket.readyState === WebSocket.OPEN;
   }
 
   send(message) {

@@ -46,6 +46,7 @@ export class Keys {
       ["?", "this list", ["?", "h"], actions.help],
     ];
     this.stage = stage;
+    this.controls = controls;
     this.byKey = new Map(this.entries.flatMap(([, , keys, run, subject]) => keys.map((key) => [key, { run, subject }])));
     document.addEventListener("keydown", (event) => this.press(event));
     this.releaseControls();
@@ -102,7 +103,8 @@ export class Keys {
     const prefix = !event.key.startsWith("Arrow") ? "" : event.altKey ? "Alt+" : event.shiftKey ? "Shift+" : "";
     const key = withoutCapsLock(event);
     const { run, subject } = this.byKey.get(prefix + key) ?? {};
-    if (!run || (isCharacter(key) && !get("letters").checked)) return;
+    // Before the capture is known, there is nothing to change.
+    if (!run || !this.controls.capture || (isCharacter(key) && !get("letters").checked)) return;
     event.preventDefault();
     const control = subject?.(key);
     if (control?.disabled) {

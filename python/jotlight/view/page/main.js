@@ -203,6 +203,7 @@ const handlers = {
     capture = header;
     if (isFirst) write("address-note", store.begin(header));
     controls.begin(header);
+    for (const part of document.querySelectorAll("[inert]")) part.inert = false;
     for (const kind of OVERLAYS) stage.removeOverlay(kind);
     drawTime();
     ask(false);

@@ -2,6 +2,7 @@
 
 import { toast, warn } from "./messages.js";
 
+const NO_ANSWER = "Not copied: the server does not answer.";
 const get = (id) => document.getElementById(id);
 async function copy(text, what) {
   try {
@@ -29,7 +30,7 @@ export function addSharing(store, connection, capture) {
   }
   const ask = (kind) => {
     if (!connection.isOpen) {
-      warn("Not copied: the server does not answer.");
+      warn(NO_ANSWER);
       return;
     }
     pending.push(kind);
@@ -38,6 +39,10 @@ export function addSharing(store, connection, capture) {
   get("copy-command").addEventListener("click", () => ask("command"));
   get("copy-python").addEventListener("click", () => ask("python"));
   get("copy-link").addEventListener("click", () => {
+    if (!capture()) {
+      warn(NO_ANSWER); // which has not said its token yet
+      return;
+    }
     const token = encodeURIComponent(capture().token);
     copy(`${location.origin}/?token=${token}#${store.text()}`, "a link to this state");
   });
