@@ -36,6 +36,14 @@ def test_the_length_of_the_window_ends_where_its_slider_ends(opened):
     assert right == pytest.approx(end, abs=1)
 
 
+def test_the_controls_of_time_need_one_line_on_a_phone_that_lies(opened):
+    tab = opened("method=mle", viewport={"width": 844, "height": 390}, is_mobile=True)
+    play, *others = (
+        tab.locator(each).bounding_box() for each in ("#play", "#window-number", "#window")
+    )
+    assert all(play["y"] <= box["y"] < play["y"] + play["height"] for box in others)
+
+
 def test_the_list_of_keys_has_a_gap_above_its_button(opened):
     tab = opened("method=mle")
     tab.keyboard.press("?")
