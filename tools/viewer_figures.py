@@ -1,9 +1,10 @@
-"""Make the screenshots of the viewer's page that the guide shows.
+"""Make the screenshots that the guide shows: of the viewer's page, or of the plugin in napari.
 
-    python tools/viewer_figures.py docs/guide
+    python tools/viewer_figures.py page docs/guide
+    xvfb-run -s "-screen 0 1400x900x24" python tools/viewer_figures.py napari docs/guide
 
-Requires the extras `view` and `browser`, and a Chromium on the path. The capture is simulated from
-a photograph that jotlight contains.
+`page` requires the extras `view` and `browser`, and a Chromium on the path; `napari` requires the
+extra `napari` and PyQt6. The capture is simulated from a photograph that jotlight contains.
 """
 
 import argparse
@@ -14,7 +15,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -104,25 +106,63 @@ def join(paths: list[Path], path: Path) -> None:
     joined.save(path, quality=QUALITY)
 
 
-def main() -> None:
-    """Make all figures."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
-    folder = parser.parse_args().folder
+def make_page(capture: Path, folder: Path) -> None:
+    """Make the figures of the page."""
     phone = {"viewport": PHONE, "device_scale_factor": PHONE_SCALE, "is_mobile": True}
-    with tempfile.TemporaryDirectory() as name, chromium() as browser:
+    with chromium() as browser, viewer(capture) as address:
+        address += "#method=network-medium"
+        still = f"{address}&start=1504&window=64"
+        flags = f"{address}&start=912&window=128&overlays=jots,uncertainty"
+        shoot(browser, still, folder / "viewer-light.jpg", viewport=WIDE, color_scheme="light")
+        shoot(browser, flags, folder / "viewer-dark.jpg", viewport=WIDE, color_scheme="dark")
+        phones = [capture.with_name(f"{scheme}.png") for scheme in ("light", "dark")]
+        for path in phones:
+            shoot(browser, still, path, color_scheme=path.stem, **phone)
+        join(phones, folder / "viewer-phone.jpg")
+
+
+def make_napari(capture: Path, folder: Path) -> None:
+    """Make the figure of the plugin."""
+    import napari
+    from qtpy.QtWidgets import QApplication
+
+    def wait(condition: Callable[[], Any]) -> None:
+        while not condition():
+            QApplication.processEvents()
+            time.sleep(0.02)
+
+    window = napari.Viewer()
+    window.window.resize(WIDE["width"], WIDE["height"])
+    window.open(capture, plugin="jotlight")
+    _, widget = window.window.add_plugin_dock_widget("jotlight", "Reconstruct and measure")
+    widget.method.value = "network-medium"
+    widget.reconstruct.native.click()
+    wait(lambda: len(window.layers) == 2)
+    window.dims.set_current_step(0, 14)
+    layer = window.layers[-1]
+    wait(lambda: layer.loaded)
+    layer.gamma = 0.5
+    layer.reset_contrast_limits()
+    widget.measure.native.click()
+    window.reset_view()
+    end = time.monotonic() + 2.0
+    wait(lambda: time.monotonic() > end)  # for the texts of the status bar
+    image = window.window.screenshot(flash=False, canvas_only=False)
+    Image.fromarray(image[..., :3]).save(folder / "viewer-napari.jpg", quality=QUALITY)
+    window.close()
+
+
+def main() -> None:
+    """Make the figures of a subject."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("subject", choices=["page", "napari"])
+    parser.add_argument("folder", type=Path)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
         capture = Path(name, "night.npy")
         simulate(capture)
-        with viewer(capture) as address:
-            address += "#method=network-medium"
-            still = f"{address}&start=1504&window=64"
-            flags = f"{address}&start=912&window=128&overlays=jots,uncertainty"
-            shoot(browser, still, folder / "viewer-light.jpg", viewport=WIDE, color_scheme="light")
-            shoot(browser, flags, folder / "viewer-dark.jpg", viewport=WIDE, color_scheme="dark")
-            phones = [Path(name, f"{scheme}.png") for scheme in ("light", "dark")]
-            for path in phones:
-                shoot(browser, still, path, color_scheme=path.stem, **phone)
-            join(phones, folder / "viewer-phone.jpg")
+        make = make_page if options.subject == "page" else make_napari
+        make(capture, options.folder)
 
 
 if __name__ == "__main__":
