@@ -210,6 +210,16 @@ def test_an_address_that_is_changed_by_hand_is_read_again(opened):
     assert "window=0 (expected" in tab.locator("#address-note").inner_text()
 
 
+def test_an_address_that_is_changed_just_before_the_page_writes_its_own_is_read(opened):
+    tab = opened("method=mle&window=16&white=1")
+    tab.evaluate("""() => {
+      location.hash = "method=mle&window=32&start=5";
+      history.replaceState(null, "", "#method=mle&window=16&white=1");
+    }""")
+    assert final(tab, window=32)["start"] == 5
+    tab.wait_for_function("() => location.hash.includes('window=32')")
+
+
 def choose(tab, control, value):
     tab.locator(control).select_option(value)
     return tab.locator("#quality").input_value()

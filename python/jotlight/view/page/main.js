@@ -62,9 +62,10 @@ store.listeners.push((moving) => {
   ask(moving);
 });
 
-addEventListener("hashchange", () => {
+addEventListener("hashchange", (event) => {
   if (!capture) return; // the address is read when the capture is known
-  const problem = store.begin(capture);
+  // The page may have written its own address since then.
+  const problem = store.begin(capture, new URL(event.newURL).hash);
   store.set({});
   write("address-note", problem);
 });
@@ -201,7 +202,7 @@ const handlers = {
   hello(header) {
     const isFirst = capture === null;
     capture = header;
-    if (isFirst) write("address-note", store.begin(header));
+    if (isFirst) write("address-note", store.begin(header, location.hash));
     controls.begin(header);
     for (const part of document.querySelectorAll("[inert]")) part.inert = false;
     for (const kind of OVERLAYS) stage.removeOverlay(kind);

@@ -23,10 +23,10 @@ export class Store {
     this.timer = null;
   }
 
-  /** Set the defaults of a capture, and then what the address states. Return what is wrong in it. */
-  begin(capture) {
+  /** Set the defaults of a capture, and then what an address states after the page. Return what is wrong in it. */
+  begin(capture, hash) {
     this.defaults = { ...DEFAULTS, ...capture.state, follow: capture.live };
-    const { stated, problem } = readAddress(location.hash.slice(1), capture, OVERLAYS);
+    const { stated, problem } = readAddress(hash.slice(1), capture, OVERLAYS);
     this.state = { ...this.defaults, ...stated };
     return problem;
   }
