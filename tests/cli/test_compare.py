@@ -50,6 +50,15 @@ def test_compare_writes_every_kind_of_figure(run, color, tmp_path, ending):
     assert (tmp_path / f"figure.{ending}").stat().st_size > 5000
 
 
+def test_the_color_network_is_compared_by_its_name(run, color):
+    status, output = run("compare", color, "-m", "network-color")
+    assert status == 0
+    assert "network, color" in output
+    status, output = run("compare", color, "-m", "network-color", "--gray")
+    assert status == 1
+    assert "network-color takes red, green, and blue, got a gray image" in output
+
+
 @pytest.mark.slow
 def test_tiny_images_are_compared_without_ssim(run, tmp_path):
     np.save("tiny.npy", np.full((8, 8), 0.5, np.float32))

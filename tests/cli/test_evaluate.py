@@ -51,6 +51,13 @@ def assert_table(output, result):
         np.testing.assert_allclose(numbers[2], correct[title][2], atol=0.0005001)
 
 
+def test_the_color_network_is_not_for_gray_images(run, tmp_path):
+    np.save(tmp_path / "images.npy", np.full((1, 12, 12), 0.5, np.float32))
+    status, output = run("evaluate", "images.npy", "-m", "network-color")
+    assert status == 1
+    assert "name another method for gray images, such as network-medium" in output
+
+
 def test_the_table_shows_the_mean_and_the_worst_of_each_metric(run, tmp_path):
     images = np.random.default_rng(0).random((24, 12, 12), np.float32)
     images *= np.linspace(0.2, 1, 24, dtype=np.float32)[:, None, None]

@@ -3,12 +3,11 @@
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.choice import OWN_NETWORK, choose_method, requested_method
+from jotlight.evaluation.choice import OWN_NETWORK, choose_method
 from jotlight.evaluation.methods import (
     BLEND_METHOD,
     DEFAULT_METHOD,
     METHODS,
-    OPTION_DEFAULTS,
 )
 from jotlight.sensing.likelihood.reference import saturation_intensity
 
@@ -91,39 +90,3 @@ def test_any_other_range_stays(sensor, is_range_known):
     assert choice.max_intensity == sensor.max_intensity
     assert choice.saturation is None
     assert choice.notes == ()
-
-
-def test_without_a_name_or_an_option_nothing_is_requested():
-    assert requested_method(None) is None
-
-
-@pytest.mark.parametrize(("option", "method"), OPTION_DEFAULTS.items())
-def test_an_option_selects_a_method_that_takes_it(option, method):
-    assert requested_method(None, [option]) == method
-    assert option in METHODS[method].options
-
-
-@pytest.mark.parametrize(
-    ("method", "option"),
-    [("noniterative-gaussian", "inverse"), ("mle-iterative", "tol")],
-)
-def test_a_name_is_kept_beside_its_options(method, option):
-    assert requested_method(method, [option]) == method
-
-
-@pytest.mark.parametrize(
-    ("method", "options", "message"),
-    [
-        ("magic", [], "method: there is no 'magic'; expected one of mle, "),
-        ("mle-iterative", ["norm"], "norm: is an option of admm-tv, not of mle-iterative"),
-        ("admm-tv", ["inverse"], "inverse: is an option of noniterative-gaussian, .* not of admm"),
-        (None, ["inverse", "tol"], "tol: is an option of mle-iterative, admm-tv, not of noniter"),
-    ],
-)
-def test_a_request_that_cannot_be_met_is_refused(method, options, message):
-    with pytest.raises(ValueError, match=message):
-        requested_method(method, options)
-
-
-def test_every_option_of_a_method_selects_one():
-    assert set(OPTION_DEFAULTS) == set().union(*(method.options for method in METHODS.values()))

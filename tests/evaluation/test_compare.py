@@ -141,6 +141,30 @@ def test_the_color_network_is_one_of_the_methods_for_colors(mosaic):
     assert "network, color" in repr(found)
 
 
+@pytest.mark.parametrize("mosaic", ["RGGB", None])
+def test_the_color_network_is_compared_by_its_name(mosaic):
+    image = jl.datasets.photograph("astronaut")[100:132, 180:212]
+    sensor = jl.Sensor(frames=8, mosaic=mosaic)
+    found = jl.compare(["network-color", "mle"], image, sensor, channel_axis=-1)
+    assert found.titles["network-color"] == "network, color"
+    expected = jl.reconstruct(found.bits)
+    np.testing.assert_array_equal(found.results[0].estimate, expected)
+
+
+@pytest.mark.parametrize(
+    ("image", "options", "message"),
+    [
+        (IMAGE[:16, :16], {}, "methods: network-color takes red, green, and blue, got a gray"),
+        (np.full((16, 16, 3), 0.5), {"kernel": "cubic", "oversampling": 2}, "got the kernel cubic"),
+    ],
+    ids=["gray", "kernel"],
+)
+def test_the_color_network_is_refused_before_any_work(image, options, message):
+    axis = None if image.ndim == 2 else -1
+    with pytest.raises(ValueError, match=message):
+        jl.compare(["network-color"], image, jl.Sensor(frames=8, **options), channel_axis=axis)
+
+
 def test_a_color_network_is_compared():
     network = ColorNetwork.load(MOSAIC_FILE)
     image = jl.datasets.photograph("astronaut")[100:132, 180:212]

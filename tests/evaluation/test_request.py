@@ -28,6 +28,10 @@ NETWORK = jl.pretrained(GRAY, "two-layer")
         ({"fallback": True}, MOSAIC, True, "held-out"),
         ({"fallback": True, "demosaicing": "differences"}, MOSAIC, True, "held-out"),
         ({"demosaicing": "network"}, MOSAIC.replace(frames=2000), True, "network-color"),
+        ({"method": "network-color"}, GRAY, True, "network-color"),
+        ({"method": "network-color"}, GRAY.replace(frames=2000), True, "network-color"),
+        ({"method": "network-color"}, MOSAIC, True, "network-color"),
+        ({"method": "network-color", "demosaicing": "network"}, MOSAIC, True, "network-color"),
         ({"quality": "small"}, MOSAIC, True, "network-small"),
         ({"options": {"weight": 2.0}}, GRAY, True, "admm-tv"),
         ({"method": NETWORK}, GRAY, True, "network"),
@@ -38,12 +42,13 @@ def test_the_method_of_a_request(settings, sensor, takes_colors, expected):
     request = Request(**settings)
     choice = request.choose(sensor, takes_colors=takes_colors)
     assert choice.method == expected
-    is_requested = "fallback" in settings or expected in ("network-small", "admm-tv", "network")
+    named = "network-small", "admm-tv", "network"
+    is_requested = bool({"fallback", "method"} & settings.keys()) or expected in named
     assert choice.is_requested == is_requested
     assert choice.is_color == (takes_colors and expected in ("network-color", "held-out"))
-    named = request.of_choice(choice)
-    assert named.quality is None
-    again = named.choose(sensor, takes_colors=takes_colors)
+    pinned = request.of_choice(choice)
+    assert pinned.quality is None
+    again = pinned.choose(sensor, takes_colors=takes_colors)
     assert (again.method, again.quality) == (choice.method, choice.quality)
     assert again.is_color == choice.is_color
 
@@ -55,6 +60,13 @@ def test_the_method_of_a_request(settings, sensor, takes_colors, expected):
         ({"method": NETWORK, "quality": "small"}, "quality: is not an option of a network"),
         ({"demosaicing": "menon"}, "demosaicing: is for a sensor with a mosaic"),
         ({"method": "mle", "precision": "bf16"}, "precision: expected f32 for mle"),
+        ({"method": "network-color"}, "a color network takes .* got other data; name another"),
+        ({"method": "network-color", "quality": "small"}, "quality: selects a"),
+        ({"method": "network-color", "fallback": True}, "fallback: method='held-out' blends the"),
+        (
+            {"method": "network-color", "options": {"weight": 1.0}},
+            "weight: is an option of admm-tv, not of network-color",
+        ),
     ],
     ids=str,
 )
@@ -71,6 +83,23 @@ def test_the_demosaicing_by_the_color_network_needs_data_that_it_takes():
         Request(demosaicing="network", fallback=True).choose(MOSAIC, takes_colors=True)
 
 
+@pytest.mark.parametrize("method", ["network-color", pretrained_color(MOSAIC_FILE)], ids=type)
+def test_a_color_network_takes_no_planes(method):
+    with pytest.raises(ValueError, match="demosaicing: is not an option of a color network"):
+        Request(method, demosaicing="menon").choose(MOSAIC, takes_colors=True)
+
+
+def test_the_color_network_needs_the_box_kernel():
+    smooth = GRAY.replace(kernel="cubic")
+    with pytest.raises(ValueError, match="got the kernel cubic; name another method"):
+        Request("network-color").choose(smooth, takes_colors=True)
+
+
+def test_the_color_network_has_no_options_of_its_own():
+    with pytest.raises(TypeError, match="denoiser: network-color has no options"):
+        Request("network-color", options={"denoiser": "tv"}).choose(MOSAIC, takes_colors=True)
+
+
 def test_a_color_network_of_the_caller_is_the_network_of_the_demosaicing():
     own = Request(pretrained_color(MOSAIC_FILE), demosaicing="network")
     assert own.choose(MOSAIC, takes_colors=True).method == "network"
@@ -80,6 +109,13 @@ def test_the_settings_of_a_record_are_those_that_were_set():
     settings = Request("mle", "small", fallback=True, options={"tol": 0.1}, threads=2).settings()
     assert settings == {"tol": 0.1, "fallback": True}
     assert Request().settings() == {}
+
+
+def test_the_recommended_color_network_stays_the_default():
+    recommended, named = Request(), Request("network-color")
+    choices = [each.choose(MOSAIC, takes_colors=True) for each in (recommended, named)]
+    assert recommended.of_choice(choices[0]).method is None
+    assert named.of_choice(choices[1]).method == "network-color"
 
 
 @pytest.mark.parametrize("channels", [1, 3])

@@ -64,7 +64,7 @@ def test_counts_of_a_mosaic_are_gray():
 
 def test_a_gray_capture_has_no_color_network():
     gray = jl.Sensor(frames=16).expose(SCENE[..., 0], rng=0)
-    with pytest.raises(ValueError, match="the color network takes three colors"):
+    with pytest.raises(ValueError, match=r"a color network takes .* got other data"):
         make_layer(Viewed.from_data(gray), 16, method="network-color")
 
 

@@ -105,7 +105,7 @@ def test_a_mosaic_becomes_a_layer_of_colors(viewer, widget, click):
 
 def test_the_color_network_is_refused_for_a_gray_layer(viewer, widget, click):
     widget.method.value = "network-color"
-    click(widget, widget.reconstruct, lambda: "takes three colors" in widget.message.value)
+    click(widget, widget.reconstruct, lambda: "of three channels" in widget.message.value)
     assert len(viewer.layers) == 1
 
 

@@ -13,7 +13,7 @@ import jotlight as jl
 from jotlight.cli.options.capture_options import CaptureOptions
 from jotlight.cli.options.sensor_options import CapturedSensorOptions
 from jotlight.cli.view import _open
-from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.io import read_note
 from jotlight.networks.pretrained import CHANNELS_FILE

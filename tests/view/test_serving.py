@@ -186,7 +186,7 @@ def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end(photo):
         stream.send('{"type": "recipe", "state": {"method": "network-color"}}')
         answer, _ = read_until(stream, "recipe")
         assert answer["python"] is None
-        assert "three colors" in answer["problem"]
+        assert "name another method" in answer["problem"]
         ask(stream, 2)
         assert read_until(stream, "image", "final")[0]["id"] == 2
 

@@ -13,12 +13,13 @@ from jotlight.cli.options.common_options import NAMES, OWN, Gray, Model, Photo, 
 from jotlight.cli.options.method_options import split_names
 from jotlight.cli.options.sensor_options import ExposureOptions
 from jotlight.cli.terminal.console import out, progress, report
-from jotlight.evaluation.choice import network_name
+from jotlight.evaluation.choice import title_of
 from jotlight.evaluation.compare import COLUMNS, Comparison, default_methods
 from jotlight.evaluation.compare import compare as compare_by_title
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
 from jotlight.evaluation.request import AnyMethod
+from jotlight.evaluation.requested_method import network_name
 from jotlight.evaluation.run_methods import select_methods
 from jotlight.files import atomic_write, check_outputs
 from jotlight.images.io import read_image
@@ -88,7 +89,7 @@ def _select(sensor: Sensor, names: list[str]) -> dict[str, AnyMethod | None]:
             selected[name] = import_method(name)
         else:
             select_methods(sensor, [name])
-            selected[METHODS[name].title] = name
+            selected[title_of(name)] = name
     return selected
 
 

@@ -8,7 +8,6 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from jotlight.cli.options.common_options import (
-    NAMES,
     OWN,
     ImageKey,
     Model,
@@ -24,7 +23,7 @@ from jotlight.cli.terminal.console import out, progress, report
 from jotlight.errors import counted, hide_warnings
 from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
-from jotlight.evaluation.methods import DEFAULT_METHOD, find_method
+from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS, find_method
 from jotlight.evaluation.own_method import OwnMethod, import_method
 from jotlight.files import atomic_write, check_outputs
 from jotlight.images.sets import read_image_set
@@ -46,7 +45,7 @@ def evaluate(
             alias="-m",
             # Other commands compare the methods of a repeated option. This one runs one method.
             allow_repeating=False,
-            help=f"One of {NAMES}; or {OWN}. Default: {DEFAULT_METHOD}.",
+            help=f"One of {', '.join(METHODS)}; or {OWN}. Default: {DEFAULT_METHOD}.",
         ),
     ] = None,
     quality: Quality = None,

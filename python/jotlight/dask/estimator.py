@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_fallback
+from jotlight.evaluation.choice import Choice, check_fallback
 from jotlight.evaluation.color.color_data import check_demosaicing, uses_color_network
+from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.evaluation.request import Request

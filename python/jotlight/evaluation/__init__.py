@@ -4,8 +4,8 @@ In reading order:
 
 - ``held_out`` with ``blend_weights``: the blend of several methods that suits the data.
   ``many_trials``: where it is recommended.
-- ``methods``: every method by name. ``choice``: the method for some data. ``own_method``: functions
-  of the caller as methods.
+- ``methods``: every method by name. ``requested_method``: the name that a caller requests.
+  ``choice``: the method for some data. ``own_method``: functions of the caller as methods.
 - ``reconstruct``: an image by the recommended method, or by another one. ``request``: the method
   and its settings. ``run_choice`` runs the chosen method. ``different_readings``: readings that a
   count of ones does not describe.

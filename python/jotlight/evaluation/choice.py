@@ -1,36 +1,27 @@
 """The choice of a method for some data."""
 
 import dataclasses
-from collections.abc import Collection
-from typing import Any
 
 from jotlight.errors import counted, plural
-from jotlight.evaluation.color.color_data import BY_COLOR_NETWORK, takes_sensor
+from jotlight.evaluation.color.color_data import BY_COLOR_NETWORK, check_taken, takes_sensor
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.many_trials import takes_blend, trials_of
 from jotlight.evaluation.methods import (
     BLEND_METHOD,
+    COLOR_NETWORK,
     DEFAULT_METHOD,
     METHODS,
-    OPTION_DEFAULTS,
-    check_options,
     find_method,
-    option_advice,
-    unknown_option,
 )
 from jotlight.networks.color_network import AnyNetwork
-from jotlight.networks.loading import wrong_network
 from jotlight.networks.network import Network
 from jotlight.networks.precision import DEEP, F32, check_precision
-from jotlight.networks.pretrained import check_quality, uses_conditional
+from jotlight.networks.pretrained import uses_conditional
 from jotlight.sensing.likelihood.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 OWN_NETWORK = "network"
 """Name of the method that runs a network from the caller."""
-
-COLOR_NETWORK = "network-color"
-"""Name of the method that runs the color network."""
 
 FILM_NETWORK = "network-film"
 """Name of the method that runs the film network, for films along a motion alone."""
@@ -43,45 +34,15 @@ TITLES = {
 """Names of the methods that are not in :data:`METHODS`, in tables and messages."""
 
 
-def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:
-    """Return the requested method: the named one, or the one that an option selects.
-
-    Parameters
-    ----------
-    method : str or None
-        Name of a method.
-    options : collection of str
-        Names in :data:`OPTION_DEFAULTS` that the user set.
-
-    Returns
-    -------
-    str or None
-        A key of :data:`METHODS`, or None if neither a name nor an option is set.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, or an option that the method does not accept.
+def title_of(method: str) -> str:
+    """Return the name of a method in tables and messages.
 
     Examples
     --------
-    >>> requested_method(None, ["weight"])
-    'admm-tv'
-    >>> requested_method("mle", ["weight"])
-    Traceback (most recent call last):
-      ...
-    ValueError: weight: is an option of admm-tv, not of mle
+    >>> title_of("mle"), title_of("network-color")
+    ('maximum likelihood', 'network, color')
     """
-    if method is None:
-        method = next((name for key, name in OPTION_DEFAULTS.items() if key in options), None)
-    if method is None:
-        return None
-    accepted = find_method(method).options
-    for option in options:
-        if option not in accepted:
-            owners = [name for name, other in METHODS.items() if option in other.options]
-            raise ValueError(f"{option}: is an option of {', '.join(owners)}, not of {method}")
-    return method
+    return TITLES.get(method) or find_method(method).title
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,7 +85,7 @@ class Choice:
     @property
     def title(self) -> str:
         """Name of the method in tables and messages."""
-        return TITLES.get(self.method) or METHODS[self.method].title
+        return title_of(self.method)
 
     def check_precision(self, precision: str | None, *, fallback: bool = False) -> None:
         """Check a precision, as :func:`check_precision_of` does."""
@@ -148,7 +109,8 @@ def choose_method(
     sensor : Sensor
         Sensor of the data.
     requested : str, optional
-        Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
+        Name of a method, as returned by
+        :func:`jotlight.evaluation.requested_method.requested_method`. Default: the network
         `DEFAULT_METHOD`, or `BLEND_METHOD` if :func:`takes_blend` is true, or else `COLOR_NETWORK`
         for colors.
     network : Network or ColorNetwork, optional
@@ -169,6 +131,11 @@ def choose_method(
     -------
     Choice
 
+    Raises
+    ------
+    ValueError
+        When the color network is requested for data that it does not take.
+
     Examples
     --------
     >>> choose_method(jl.Sensor(frames=16)).method
@@ -177,6 +144,8 @@ def choose_method(
     'held-out'
     """
     recommended_for = None
+    if requested == COLOR_NETWORK:
+        check_taken(sensor, has_form=is_color)
     is_color = is_color and takes_sensor(sensor)
     if network is not None:
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
@@ -252,63 +221,6 @@ def check_fallback(
             f"got one for {counted(network.sensor.trials, 'trial')} alone; "
             'quality="medium" selects one'
         )
-
-
-def check_extras(quality: str | None, options: dict[str, Any], *, fallback: bool) -> None:
-    """Raise ValueError for arguments that do not go with a network of the caller.
-
-    Examples
-    --------
-    >>> check_extras(None, {}, fallback=False)
-    """
-    extras = [*["quality"] * (quality is not None), *options, *["fallback"] * fallback]
-    if extras:
-        name = extras[0]
-        raise ValueError(f"{name}: is not an option of a network; {option_advice(name)}")
-
-
-def named_method(method: object, quality: str | None, options: dict[str, Any]) -> str | None:
-    """Return the name of the requested method, or None if the caller requests none.
-
-    Examples
-    --------
-    >>> named_method(None, "small", {})
-    'network-small'
-    """
-    wrong = wrong_network(method)
-    if wrong is not None or not isinstance(method, str | None):
-        raise TypeError(
-            "method: expected the name of a method, a network, or a function, got "
-            f"{wrong or repr(method)}"
-        )
-    if quality is None:
-        known = list(OPTION_DEFAULTS)
-        if method is None and (unknown := set(options) - set(known)):
-            expected = f"without a method, expected one of the options {', '.join(known)}"
-            raise unknown_option(min(unknown), known, expected)
-        name = requested_method(method, [option for option in options if option in known])
-        if name is not None:
-            check_options(name, options)
-        return name
-    if method is not None:
-        raise ValueError(
-            f"quality: selects a pretrained network, but method is {method!r}; leave out one"
-        )
-    name = network_name(quality)
-    check_options(name, options)
-    return name
-
-
-def network_name(quality: str) -> str:
-    """Return the name of the method that runs the pretrained network of a size.
-
-    Examples
-    --------
-    >>> network_name("small")
-    'network-small'
-    """
-    check_quality(quality)
-    return f"network-{quality}"
 
 
 def check_precision_of(

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from jotlight.checks import as_image
 from jotlight.errors import counted
-from jotlight.evaluation.choice import COLOR_NETWORK, TITLES
-from jotlight.evaluation.methods import METHODS, Method, find_method
+from jotlight.evaluation.choice import title_of
+from jotlight.evaluation.methods import COLOR_NETWORK, METHOD_NAMES, Method, find_method
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.evaluation.run_methods import MethodResult, compare_methods, select_methods
@@ -163,35 +163,34 @@ def compare(
     return Comparison(pixels, bits, results, {name: known[name].title for name in names})
 
 
-def default_methods(sensor: Sensor, *, is_color: bool) -> dict[str, str | None]:
-    """Return all methods that are installed and serve a sensor, by their titles.
+def default_methods(sensor: Sensor, *, is_color: bool) -> dict[str, str]:
+    """Return the names of all methods that are installed and serve a sensor, by their titles.
 
     The color network is one of them if it is the default: for an image that `is_color`, up to 1,000
     trials per pixel. Above, the blend on held-out bits contains it.
 
     Examples
     --------
-    >>> default_methods(jl.Sensor(frames=8, mosaic="RGGB"), is_color=True)["network, color"] is None
-    True
+    >>> default_methods(jl.Sensor(frames=8, mosaic="RGGB"), is_color=True)["network, color"]
+    'network-color'
     """
-    methods: dict[str, str | None] = {METHODS[name].title: name for name in select_methods(sensor)}
+    names = select_methods(sensor)
     if Request().choose(sensor, takes_colors=is_color).method == COLOR_NETWORK:
-        methods[TITLES[COLOR_NETWORK]] = None
-    return methods
+        names.append(COLOR_NETWORK)
+    return {title_of(name): name for name in names}
 
 
 def _named_methods(methods: object, sensor: Sensor, *, is_color: bool) -> dict[str, Method]:
     """Return the methods to compare, all of which serve the sensor, by the names of the results."""
     if methods is None:
-        defaults = default_methods(sensor, is_color=is_color).items()
-        return {name or COLOR_NETWORK: _as_method(title, name, sensor) for title, name in defaults}
+        methods = list(default_methods(sensor, is_color=is_color).values())
     if isinstance(methods, Mapping):
         names, values = [str(title) for title in methods], list(methods.values())
         titles = names
     else:
         values = list(methods) if isinstance(methods, list | tuple) else [methods]
         names = [each if isinstance(each, str) else _name_of(each) for each in values]
-        titles = [METHODS[name].title if name in METHODS else name for name in names]
+        titles = [title_of(name) if name in METHOD_NAMES else name for name in names]
     if not values:
         raise ValueError("methods: expected at least one, got none")
     if len(set(names)) < len(names):
@@ -199,7 +198,11 @@ def _named_methods(methods: object, sensor: Sensor, *, is_color: bool) -> dict[s
             f"methods: expected different titles, got {', '.join(names)}; pass a mapping of "
             "titles to methods, such as {'mine': function}"
         )
-    select_methods(sensor, [value for value in values if isinstance(value, str)])
+    named = select_methods(sensor, [value for value in values if isinstance(value, str)])
+    if COLOR_NETWORK in named and not is_color:
+        raise ValueError(
+            f"methods: {COLOR_NETWORK} takes red, green, and blue, got a gray image; leave it out"
+        )
     each = zip(names, titles, values, strict=True)
     return {name: _as_method(title, value, sensor) for name, title, value in each}
 
@@ -218,7 +221,8 @@ def _describe(layout: Layout) -> str:
 
 def _as_method(title: str, method: AnyMethod | None, sensor: Sensor) -> Method:
     """Return a method with a title."""
-    if isinstance(method, str) and sensor.has_plain_bits and sensor.mosaic is None:
+    are_counts_enough = sensor.has_plain_bits and sensor.mosaic is None
+    if isinstance(method, str) and method != COLOR_NETWORK and are_counts_enough:
         return dataclasses.replace(find_method(method), title=title)
     if not (method is None or isinstance(method, str | AnyNetwork) or callable(method)):
         raise TypeError(

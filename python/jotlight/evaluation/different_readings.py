@@ -14,7 +14,7 @@ from jotlight.estimators.readings.merge_near import Merging
 from jotlight.estimators.readings.reference_sensors import reference_sensor
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.intervals.interval_pixels import find_unbounded
-from jotlight.evaluation.methods import BLEND_METHOD, find_method
+from jotlight.evaluation.methods import COLOR_NETWORK, find_method
 from jotlight.layout import join
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
@@ -150,9 +150,9 @@ def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
 
 def _is_network(method: object) -> bool:
     """Return whether a method is a network or the name of one, or the recommended method."""
-    if isinstance(method, str) and method != BLEND_METHOD:
+    if isinstance(method, str) and method != COLOR_NETWORK:
         return find_method(method).quality is not None
-    return method is None or isinstance(method, Network)
+    return method is None or isinstance(method, Network | str)
 
 
 def takes_readings(method: str | None, sensor: Sensor) -> bool:

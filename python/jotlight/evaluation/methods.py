@@ -158,7 +158,15 @@ METHODS: dict[str, Method] = {
         is_distinct=lambda sensor: sensor.trials > MAX_NETWORK_TRIALS,
     ),
 }
-"""All methods, in the order in which tables list them."""
+"""All methods for gray images, in the order in which tables list them."""
+
+COLOR_NETWORK = "network-color"
+"""Name of the color network, which estimates the colors of a mosaic, or three channels, together.
+
+It estimates no gray image, and so it is not in :data:`METHODS`."""
+
+METHOD_NAMES = (*METHODS, COLOR_NETWORK)
+"""Names of all methods that a caller may request."""
 
 DEFAULT_METHOD = f"network-{DEFAULT_SIZE}"
 """Method for every sensor, unless another one is requested."""
@@ -186,12 +194,12 @@ _ARGUMENTS = (
 
 
 def find_method(name: str) -> Method:
-    """Return a method by its name.
+    """Return a method for gray images by its name.
 
     Raises
     ------
     ValueError
-        For an unknown name.
+        For an unknown name, and for that of the color network.
 
     Examples
     --------
@@ -208,7 +216,12 @@ def find_method(name: str) -> Method:
     """
     if name in METHODS:
         return METHODS[name]
-    advice = did_you_mean(name, METHODS)
+    if name == COLOR_NETWORK:
+        raise ValueError(
+            f"method: {name} estimates the colors of a mosaic, or three channels, together; name "
+            f"another method for gray images, such as {DEFAULT_METHOD}"
+        )
+    advice = did_you_mean(name, METHOD_NAMES)
     if ":" in name:
         advice = (
             "; the commands compare, evaluate, and reproduce run MODULE:FUNCTION, and in Python "
@@ -216,11 +229,33 @@ def find_method(name: str) -> Method:
         )
     elif not advice:
         advice = (
-            f"; expected one of {', '.join(METHODS)}; for a function of your own, pass the "
+            f"; expected one of {', '.join(METHOD_NAMES)}; for a function of your own, pass the "
             "function itself in Python, and MODULE:FUNCTION to the commands compare, evaluate, and "
             "reproduce"
         )
     raise ValueError(f"method: there is no {name!r}{advice}")
+
+
+def option_names(method: str) -> tuple[str, ...] | None:
+    """Return the names of the options of a method in Python; None where it accepts any name.
+
+    Examples
+    --------
+    >>> option_names("noniterative-tv"), option_names("network-color")
+    (('inverse',), ())
+    """
+    return () if method == COLOR_NETWORK else find_method(method).keywords
+
+
+def is_iterative(method: object) -> bool:
+    """Return whether a method is the name of one that takes `tol`, `max_iter`, and `callback`.
+
+    Examples
+    --------
+    >>> is_iterative("admm-tv"), is_iterative("network-color"), is_iterative(None)
+    (True, False, False)
+    """
+    return isinstance(method, str) and method in METHODS and METHODS[method].iterative
 
 
 def check_options(method: str, options: Iterable[str]) -> None:
@@ -233,7 +268,7 @@ def check_options(method: str, options: Iterable[str]) -> None:
       ...
     TypeError: wieght: admm-tv has the options weight, norm, ...; did you mean weight?
     """
-    known = METHODS[method].keywords
+    known = option_names(method)
     if known is None:
         return
     for option in options:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from jotlight.array_types import Image
 from jotlight.estimators.brightness import unit_scale
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_extras, check_precision_of
+from jotlight.evaluation.choice import Choice, check_precision_of
 from jotlight.evaluation.color.channels import (
     run_color_network,
     without_warnings_of_colors,
@@ -115,7 +115,7 @@ def reconstruct(
     sensor : Sensor, optional
         Sensor of the data. Default: the sensor that bits or merged counts carry. Counts need it.
     method : str, Network, ColorNetwork, or callable, optional
-        A name in ``jotlight.evaluation.methods.METHODS``, a network (also a module of
+        A name in ``jotlight.evaluation.methods.METHOD_NAMES``, a network (also a module of
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
         image. Behind a mosaic, a function gets the counts (h, w) of each plane of the pattern, or
         Merged where the trials or the readings differ; it cannot replace the demosaicing.
@@ -233,22 +233,24 @@ def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> t
     """Return the colors of a mosaic by a color network, or by a method for each plane."""
     method, demosaicing = request.method, request.demosaicing
     has_form = takes_mosaic(data, arrays["trials"])
-    estimate: EstimatePlanes | ColorNetwork | Choice | None = None
-    if isinstance(method, ColorNetwork):
-        check_extras(request.quality, request.options, fallback=request.fallback)
+    network = method if isinstance(method, ColorNetwork) else None
+    if network is not None:
         check_taken(sensor, has_form=has_form)
-        if demosaicing not in (None, BY_COLOR_NETWORK):
-            raise ValueError("demosaicing: is not an option of a color network; leave it out")
-        estimate, demosaicing = method, None
-    elif (choice := _choice_of_colors(request, sensor, has_form=has_form)) is not None:
-        estimate = None if choice.method == COLOR_NETWORK else choice
-        demosaicing = None if demosaicing == BY_COLOR_NETWORK else demosaicing
-    else:
+    estimate: EstimatePlanes | Choice | None = _choice_of_colors(request, sensor, has_form=has_form)
+    if estimate is None:
         of_planes = dataclasses.replace(request, demosaicing=None).arguments()
         run = noting_planes(method, partial(reconstruct, **of_planes))
         estimate = partial(run, return_info=True)
-    settings = {"precision": request.precision, "threads": request.threads, **arrays}
-    return reconstruct_mosaic(data, sensor, estimate, demosaicing=demosaicing, **settings)
+    return reconstruct_mosaic(
+        data,
+        sensor,
+        estimate,
+        network=network,
+        demosaicing=None if demosaicing == BY_COLOR_NETWORK else demosaicing,
+        precision=request.precision,
+        threads=request.threads,
+        **arrays,
+    )
 
 
 def _choice_of_colors(request: Request, sensor: Sensor, *, has_form: bool) -> Choice | None:
@@ -257,7 +259,7 @@ def _choice_of_colors(request: Request, sensor: Sensor, *, has_form: bool) -> Ch
         check_color_network(sensor, request.demosaicing, is_default=False)
         return None
     choice = request.choose(sensor, takes_colors=has_form)
-    return choice if choice.is_color else None
+    return choice if choice.is_color or isinstance(request.method, ColorNetwork) else None
 
 
 def _by_function(

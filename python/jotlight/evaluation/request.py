@@ -3,19 +3,15 @@
 import dataclasses
 from typing import Any, Self
 
-from jotlight.evaluation.choice import (
-    COLOR_NETWORK,
-    Choice,
-    check_extras,
-    choose_method,
-    named_method,
-)
+from jotlight.evaluation.choice import Choice, choose_method
 from jotlight.evaluation.color.color_data import (
+    BY_COLOR_NETWORK,
     check_color_network,
     check_demosaicing,
 )
-from jotlight.evaluation.methods import BLEND_METHOD
+from jotlight.evaluation.methods import BLEND_METHOD, COLOR_NETWORK
 from jotlight.evaluation.own_method import OwnMethod
+from jotlight.evaluation.requested_method import check_extras, named_method
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.sensing.sensor import Sensor
 
@@ -91,6 +87,11 @@ class Request:
         """
         if self.fallback and not self._names_method:
             return BLEND_METHOD
+        if self.fallback and self.method == COLOR_NETWORK:
+            raise ValueError(
+                f"fallback: method={BLEND_METHOD!r} blends the color network with other methods; "
+                "leave out the method or fallback"
+            )
         if not isinstance(self.method, AnyNetwork):
             return named_method(self.method, self.quality, self.options)
         is_color = isinstance(self.method, ColorNetwork)
@@ -135,7 +136,10 @@ class Request:
         requested = self.name()
         network = self.method if isinstance(self.method, AnyNetwork) else None
         check_demosaicing(self.demosaicing, sensor)
-        if sensor.mosaic is not None and not isinstance(network, ColorNetwork):
+        by_colors = isinstance(network, ColorNetwork) or requested == COLOR_NETWORK
+        if by_colors and self.demosaicing not in (None, BY_COLOR_NETWORK):
+            raise ValueError("demosaicing: is not an option of a color network; leave it out")
+        if sensor.mosaic is not None and not by_colors:
             is_default = takes_colors and self.is_default
             check_color_network(sensor, self.demosaicing, is_default=is_default)
         choice = choose_method(
@@ -143,7 +147,7 @@ class Request:
             requested=requested,
             network=network,
             is_range_known=is_range_known,
-            is_color=takes_colors and (self.is_default or requested == BLEND_METHOD),
+            is_color=takes_colors,
             demosaicing=self.demosaicing,
             trials=trials,
         )
@@ -153,7 +157,8 @@ class Request:
     def of_choice(self, choice: Choice) -> Self:
         """Return the request that names the method that was chosen for it.
 
-        The color network has no name: it is the default for colors.
+        If the color network is recommended, it remains the default: merged images of a film may
+        lack bits of a color, so that they need another method.
 
         Examples
         --------
@@ -163,5 +168,5 @@ class Request:
         """
         if isinstance(self.method, AnyNetwork):
             return self
-        named = None if choice.method == COLOR_NETWORK else choice.method
-        return dataclasses.replace(self, method=named, quality=None)
+        stays = choice.method == COLOR_NETWORK and not choice.is_requested
+        return dataclasses.replace(self, method=None if stays else choice.method, quality=None)

@@ -5,10 +5,10 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from jotlight.array_types import Image
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice, check_fallback
+from jotlight.evaluation.choice import Choice, check_fallback
 from jotlight.evaluation.color.color_images import reconstruct_channels
 from jotlight.evaluation.held_out import blend
-from jotlight.evaluation.methods import BLEND_METHOD, METHODS
+from jotlight.evaluation.methods import BLEND_METHOD, COLOR_NETWORK, METHODS
 from jotlight.evaluation.request import Request
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional

@@ -11,7 +11,8 @@ import numpy.typing as npt
 import jotlight.metrics as metrics
 from jotlight.errors import hide_warnings
 from jotlight.estimators.iterative.convergence import IterationCallback, follow_slowest
-from jotlight.evaluation.methods import METHODS, Method, find_method
+from jotlight.evaluation.color.color_data import check_taken
+from jotlight.evaluation.methods import COLOR_NETWORK, METHODS, Method, find_method
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.bits.readings import Readings
@@ -42,8 +43,8 @@ def select_methods(sensor: Sensor, names: Sequence[str] | None = None) -> list[s
     sensor : Sensor
         Sensor of the data.
     names : sequence of str, optional
-        Names to check and return. Default: all methods that are installed, serve the sensor, and
-        differ from every faster method.
+        Names to check and return. Default: all methods for gray images that are installed, serve
+        the sensor, and differ from every faster method.
 
     Raises
     ------
@@ -59,7 +60,9 @@ def select_methods(sensor: Sensor, names: Sequence[str] | None = None) -> list[s
             and method.is_distinct(sensor)
         ]
     for name in names:
-        if (reason := find_method(name).unsupported_reason(sensor)) is not None:
+        if name == COLOR_NETWORK:
+            check_taken(sensor, has_form=True)
+        elif (reason := find_method(name).unsupported_reason(sensor)) is not None:
             raise ValueError(f"{name}: {reason}")
     return list(names)
 

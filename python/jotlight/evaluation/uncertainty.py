@@ -15,7 +15,7 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.readings.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
-from jotlight.evaluation.choice import COLOR_NETWORK, check_fallback, check_precision_of
+from jotlight.evaluation.choice import check_fallback, check_precision_of
 from jotlight.evaluation.color.color_data import (
     check_demosaicing,
     takes_channels,
@@ -35,6 +35,7 @@ from jotlight.evaluation.intervals.known_estimate import read_estimate
 from jotlight.evaluation.intervals.measured_networks import reference_network
 from jotlight.evaluation.intervals.widened_intervals import widen_intervals
 from jotlight.evaluation.many_trials import trials_of
+from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.sensing.data.data_lists import carried_sensor
@@ -163,7 +164,8 @@ def uncertainty(
     request = Request(method, quality, demosaicing, precision, fallback, threads=threads)
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:
-        is_default = request.is_default and takes_mosaic(data, trials)
+        is_default = request.is_default or method == COLOR_NETWORK
+        is_default = is_default and takes_mosaic(data, trials)
         scale = unit_scale(stated, units)
 
         def colors() -> npt.ArrayLike:
@@ -228,7 +230,7 @@ def _of_gray_images(
     if estimate is None:
         estimate = reconstruct(images, sensor, **request.arguments())
     values = np.ascontiguousarray(images.layout.split(np.asarray(estimate, np.float32)))
-    if request.is_default:
+    if request.is_default or method == COLOR_NETWORK:
         choice = request.choose(sensor, takes_colors=takes_channels(images), trials=trials)
         if choice.method == COLOR_NETWORK:
             return find_channel_intervals(

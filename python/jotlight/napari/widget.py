@@ -5,8 +5,7 @@ from typing import Any
 
 from magicgui import widgets
 
-from jotlight.evaluation.choice import COLOR_NETWORK
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.methods import COLOR_NETWORK, METHODS
 from jotlight.napari.background import BackgroundWidget, Result, describe_error, path_in
 from jotlight.napari.lazy import LayerSource, source_of
 from jotlight.napari.work import align_window, apply_calibration, change_method, measure_layer

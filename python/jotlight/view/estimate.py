@@ -10,10 +10,10 @@ import numpy.typing as npt
 from jotlight.array_types import AnyIntegers, Image
 from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice
+from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.contradictions.clipping import clipping_of, with_clipping_of
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS, trials_of
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.methods import COLOR_NETWORK, is_iterative
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import CountStack
@@ -82,21 +82,14 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
     ValueError
         When the method does not serve the sensor.
     """
-    sensor = viewed.sensor(number)
-    is_color = method == COLOR_NETWORK  # which is the default for colors, and has no name
-    choice = recommend(viewed, number, None if is_color else method)
-    if not is_color or choice.method == COLOR_NETWORK:
-        return choice
-    if choice.is_color:
+    choice = recommend(viewed, number, method)
+    if method == COLOR_NETWORK and (best := recommend(viewed, number).method) != method:
         raise ValueError(
             f"method: expected up to {MAX_NETWORK_TRIALS:,} trials per pixel for the color network "
-            f"alone, got {trials_of(sensor):,.0f}; choose {choice.method}, which blends it with "
-            "other methods, or a shorter window"
+            f"alone, got {trials_of(viewed.sensor(number)):,.0f}; choose {best}, which blends it "
+            "with other methods, or a shorter window"
         )
-    raise ValueError(
-        f"method: the color network takes three colors and the box kernel, got images of shape "
-        f"{viewed.shape} and the kernel {sensor.kernel}; choose another method"
-    )
+    return choice
 
 
 def recommend(viewed: Viewable, number: int, method: str | None = None) -> Choice:
@@ -200,11 +193,13 @@ def estimate(
         part = viewed.part(frames)
         data = counts if isinstance(part, CountStack) else part
     options: dict[str, Any] = {}
+    # The color network is chosen where it is recommended. Along a motion, pixels may lack bits of a
+    # color, and then another method is.
     if method != COLOR_NETWORK:
         options["method"] = method
         if sensor.mosaic is not None:
             options["demosaicing"] = DEMOSAICING
-        if METHODS[method].iterative:
+        if is_iterative(method):
             options["callback"] = lambda _: check()
     if merged is None and sensor.mask is not None:
         counts, trials = _live_counts(counts, data, sensor)
@@ -227,7 +222,7 @@ def estimate(
         counts=counts,
         trials=trials,
         sensor=sensor,
-        method=method,
+        method=info.method,
         title=info.title,
         seconds=seconds,
         data=data,
@@ -257,6 +252,6 @@ def _live_counts(
 def _suffice(sensor: Sensor, method: str) -> bool:
     """Return whether the counts of a window have all that a method needs of its bits."""
     # With a smooth kernel, iterative methods need the place of each one.
-    needs_places = sensor.kernel != "box" and METHODS[method].iterative
+    needs_places = sensor.kernel != "box" and is_iterative(method)
     are_alike = sensor.oversampling == 1 or not sensor.maps()
     return sensor.has_plain_bits and are_alike and not needs_places

@@ -6,8 +6,8 @@ import numpy as np
 
 from jotlight._engine import __version__
 from jotlight.errors import plural
-from jotlight.evaluation.choice import COLOR_NETWORK, TITLES
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.choice import TITLES
+from jotlight.evaluation.methods import COLOR_NETWORK, METHODS
 from jotlight.images.tone import CURVES
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.alignment import alignment_reason

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.array_types import Levels
 from jotlight.calibration.hot_jots import hot_jots_of, hot_jots_unknown_reason
-from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.channels import last_channel_axis
@@ -127,8 +127,8 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
     """
     if estimate.method == COUNTS:
         raise ValueError("uncertainty: counts are no estimate; choose a method")
-    method = None if estimate.method == COLOR_NETWORK else estimate.method
-    has_planes = estimate.sensor.mosaic is not None and method is not None
+    method = estimate.method
+    has_planes = estimate.sensor.mosaic is not None and method != COLOR_NETWORK
     check_errors_known(method, estimate.sensor)
     return uncertainty(
         estimate.data,

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from jotlight.estimators.demosaicing import COLORS
-from jotlight.evaluation.choice import COLOR_NETWORK
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.methods import COLOR_NETWORK, METHODS
 from jotlight.formats.capture import CountStack
 from jotlight.view.estimate import DEMOSAICING, choose
 from jotlight.view.state import COUNTS, ViewState

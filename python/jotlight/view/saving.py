@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jotlight.estimators.brightness import UNITS
-from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.records.records import image_facts, maps_sha256, tone_facts
 from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.formats.capture import CountStack
@@ -118,7 +118,7 @@ def _note(
     """Return what a file states about its image, as files of `jotlight reconstruct` do."""
     sensor, units, weights = viewed.sensor(state.window), made.counted.units, None
     if state.method != COUNTS:
-        choice = choose(viewed, state.window, state.method)
+        choice = choose(viewed, state.window, made.method)
         sensor = sensor.replace(max_intensity=choice.max_intensity)
         units = UNITS["intensity"]
         facts = choice.method, choice.quality
@@ -126,9 +126,9 @@ def _note(
     largest = 1.0 if state.method == COUNTS else sensor.max_intensity
     part = viewed.part(state.span)
     provenance = part.provenance or viewed.provenance
-    has_planes = sensor.mosaic is not None and state.method not in (COUNTS, COLOR_NETWORK)
+    has_planes = sensor.mosaic is not None and made.method not in (COUNTS, COLOR_NETWORK)
     return {
-        **image_facts(sensor, state.method, provenance, units=units, largest_value=largest),
+        **image_facts(sensor, made.method, provenance, units=units, largest_value=largest),
         **_capture_facts(viewed, part),
         "frames": f"{state.start}:{state.span.stop}",
         "difference_to": None if other is None else other.method,

@@ -3,8 +3,7 @@
 import dataclasses
 from typing import Any, Self
 
-from jotlight.evaluation.choice import COLOR_NETWORK
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.methods import COLOR_NETWORK, METHODS
 from jotlight.images.tone import CURVES
 
 MAX_STATE_BYTES = 1 << 14

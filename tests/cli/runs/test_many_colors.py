@@ -52,6 +52,11 @@ def test_each_capture_becomes_a_color_image(run, captures):
     assert record["method"] == "network-color"
     assert record["sensor"]["mosaic"]["filters"] == "RGB"
     assert "2 complete before" in run(*args)[1]
+    code, out = run(*args[:-1], "named/{name}.tif", "--method", "network-color")
+    assert code == 0, out
+    np.testing.assert_array_equal(
+        read_image(Path("named", "1.tif")), read_image(Path("i", "1.tif"))
+    )
     assert run("reconstruct", *captures, "-o", "{name}.png")[0] == 0
     assert read_image(Path("2.png")).shape == SCENE.shape
 

@@ -108,6 +108,33 @@ def test_overexposed_pixels_are_white():
         assert found[4:-4, 30:-4].min() > 0.98
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {},
+        pytest.param({"gain": [0.5, 2.0] * 4}, marks=pytest.mark.slow),
+        {"mosaic": "RGGB"},
+    ],
+    ids=str,
+)
+def test_the_color_network_is_requested_by_its_name(parameters):
+    sensor = jl.Sensor(frames=8, **parameters)
+    bits = sensor.expose(SCENE[:32, :32], rng=0, channel_axis=-1)
+    expected, info = jl.reconstruct(bits, return_info=True)
+    assert info.reason in ("recommended for colors", "recommended for mosaics")
+    found, again = jl.reconstruct(bits, method=info.method, return_info=True)
+    np.testing.assert_array_equal(found, expected)
+    assert (again.method, again.title, again.reason) == (info.method, info.title, "requested")
+    known, errors = (jl.uncertainty(bits, method=each) for each in (None, info.method))
+    np.testing.assert_array_equal(errors.standard_error, known.standard_error)
+
+
+def test_many_trials_may_have_the_color_network_alone():
+    counts, sensor = np.full((8, 8, 3), 1200), jl.Sensor(frames=2000)
+    options = {"channel_axis": -1, "method": "network-color", "return_info": True}
+    assert jl.reconstruct(counts, sensor, **options)[1].title == "network, color"
+
+
 def test_other_colors_and_requests_have_gray_estimates():
     sensor, bits = draw(8)
     counts = bits.counts()
@@ -171,6 +198,8 @@ def test_merged_counts_need_bits_of_all_colors():
     merged = jl.Merged(np.where(few > 0, counts, 0), few, sensor, channel_axis=-1)
     _, info = jl.reconstruct(merged, return_info=True)
     assert info.method == "network-medium"
+    with pytest.raises(ValueError, match=r"a color network takes .* got other data"):
+        jl.reconstruct(merged, method="network-color")
 
 
 def test_the_command_line_reconstructs_colors_and_records_the_weights(run, tmp_path):
@@ -184,6 +213,11 @@ def test_the_command_line_reconstructs_colors_and_records_the_weights(run, tmp_p
     np.testing.assert_allclose(np.load(tmp_path / "out.npy"), jl.reconstruct(bits), atol=1e-6)
     record = json.loads((tmp_path / "out.npy.json").read_text())["origin"]
     assert file_checksum(CHANNELS_FILE) in record["weights_sha256"]
+    status, printed = run("reconstruct", "bits.npy", "-o", "named.npy", "--method", "network-color")
+    assert status == 0, printed
+    np.testing.assert_array_equal(np.load(tmp_path / "named.npy"), np.load(tmp_path / "out.npy"))
+    named = json.loads((tmp_path / "named.npy.json").read_text())["origin"]
+    assert named["weights_sha256"] == record["weights_sha256"]
     status, printed = run("reconstruct", "bits.npy", "-o", "gray.npy", "--quality", "medium")
     assert status == 0, printed
     assert "by network, medium in" in printed

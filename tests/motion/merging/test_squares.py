@@ -280,6 +280,9 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     assert f"by {info.title} in" in printed
     assert info.method == "network-color"
     np.testing.assert_allclose(found, expected, atol=1e-5)
+    named = ("bits.npy", "--motion", "-o", "named.npy", "--method", "network-color")
+    assert run("reconstruct", *named)[0] == 0
+    np.testing.assert_array_equal(np.load(tmp_path / "named.npy"), found)
     arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
     assert "leave it out" in run("reconstruct", *arguments)[1]
     assert "expected one of network" in run("reconstruct", *arguments[:-1], "none")[1]

@@ -8,7 +8,7 @@ from cyclopts import Group, Parameter, Token
 from cyclopts import convert as convert_tokens
 
 from jotlight.argument_types import complete_path
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.methods import METHOD_NAMES
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.precision import F32, PRECISIONS
 
@@ -53,7 +53,7 @@ ImageKey = Annotated[
 Model = Annotated[
     Path | None, Parameter(help="A network of your own: a .safetensors file. Default: none.")
 ]
-NAMES = ", ".join(METHODS)
+NAMES = ", ".join(METHOD_NAMES)
 OWN = "MODULE:FUNCTION for a function of your own, such as mine:denoise in mine.py"
 Quality = Annotated[
     str | None,

@@ -11,7 +11,6 @@ from jotlight.cli.options.common_options import METHOD_PANEL, NAMES, Model, Prec
 from jotlight.estimators.demosaicing import TITLES
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
-from jotlight.evaluation.choice import network_name, requested_method
 from jotlight.evaluation.color.color_data import check_demosaicing
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.evaluation.methods import (
@@ -19,6 +18,7 @@ from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
 )
 from jotlight.evaluation.request import Request
+from jotlight.evaluation.requested_method import network_name, requested_method
 from jotlight.networks.loading import load_image_network
 
 

@@ -15,7 +15,7 @@ from jotlight.cli.options.method_options import MethodOptions
 from jotlight.cli.options.motion_options import MotionOptions
 from jotlight.cli.options.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.choice import Choice
-from jotlight.evaluation.methods import DEFAULT_METHOD
+from jotlight.evaluation.methods import COLOR_NETWORK, DEFAULT_METHOD
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import Capture
 from jotlight.networks.color_network import AnyNetwork
@@ -31,7 +31,8 @@ class Reconstruction:
     """The capture, whose sensor has the frames of one image."""
     choice: Choice
     request: Request
-    """The name of the method, or the network, and its settings. No name: the color network."""
+    """The method, by its name or as a network, and its settings. No name: the color network, which
+    is recommended."""
     calibration: AppliedCalibration | None
     white: float | None
     """Largest intensity, if the capture or the user states it."""
@@ -100,7 +101,7 @@ class Inputs:
     ) -> Reconstruction:
         """Return the reconstruction of an image from an opened capture, as :meth:`prepare`.
 
-        With `may_be_color`, the method may be the color network.
+        With `may_be_color`, the color network may be recommended.
         """
         request = self.method.to_request()
         if self.motion.factor > 1 and request.method is None:
@@ -118,6 +119,7 @@ class Inputs:
         is_range_known = captured.has_own_sensor or self.sensor.max_intensity is not None
         # A merged image may have no mosaic.
         asked = request if may_be_color else dataclasses.replace(request, demosaicing=None)
+        may_be_color |= request.method == COLOR_NETWORK
         choice = asked.choose(
             captured.sensor,
             takes_colors=may_be_color and takes_capture(captured),

@@ -24,7 +24,7 @@ from jotlight.estimators.iterative.convergence import ConvergenceHistories
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.color.color_data import takes_channels
 from jotlight.evaluation.contradictions.clipping import with_clipping_of
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.methods import is_iterative
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.info import Info
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
@@ -157,7 +157,7 @@ def _estimate(
             **others,
         )
 
-    if isinstance(request.method, str) and METHODS[request.method].iterative:
+    if is_iterative(request.method):
         with live_iterations(title) as callback:
             estimate, info = run(callback=callback)
         assert info.history is not None, "the progress of an iterative method"

@@ -88,7 +88,7 @@ def takes_channels(images: GrayImages) -> bool:
 
 
 def check_taken(sensor: Sensor, *, has_form: bool) -> None:
-    """Raise ValueError unless a color network of the caller can estimate the image.
+    """Raise ValueError unless a color network that the caller requests can estimate the image.
 
     `has_form` states whether the data have a form that it takes.
 
@@ -101,10 +101,11 @@ def check_taken(sensor: Sensor, *, has_form: bool) -> None:
     ValueError: method: a color network takes bits of ...
     """
     if not (has_form and takes_sensor(sensor)):
+        got = "other data" if takes_sensor(sensor) else f"the kernel {sensor.kernel}"
         raise ValueError(
             "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
             "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel; "
-            "got other data"
+            f"got {got}; name another method"
         )
 
 

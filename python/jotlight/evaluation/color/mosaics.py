@@ -16,12 +16,12 @@ from jotlight.estimators.demosaicing import (
     choose_demosaicing,
     demosaic,
 )
-from jotlight.evaluation.choice import COLOR_NETWORK, OWN_NETWORK, Choice
-from jotlight.evaluation.choice import TITLES as METHOD_TITLES
+from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.color.color_images import count_image
 from jotlight.evaluation.color.mosaic_blend import blend_mosaic
 from jotlight.evaluation.contradictions.bright_pixels import bright_behind_mosaic
 from jotlight.evaluation.contradictions.clipping import largest_colors, warn_about_clipping
+from jotlight.evaluation.methods import BLEND_METHOD
 from jotlight.evaluation.records.info import Info, join_infos
 from jotlight.layout import Layout
 from jotlight.networks.color.color_inference import estimate_mosaic
@@ -46,8 +46,9 @@ these were made."""
 def reconstruct_mosaic(
     data: Data,
     sensor: Sensor,
-    estimate: EstimatePlanes | ColorNetwork | Choice | None,
+    estimate: EstimatePlanes | Choice,
     *,
+    network: ColorNetwork | None = None,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
     demosaicing: str | None = None,
@@ -63,10 +64,11 @@ def reconstruct_mosaic(
         The data, as of :func:`jotlight.reconstruct`. The pixels are those of the mosaic.
     sensor : Sensor
         Their sensor, with a mosaic.
-    estimate : callable, ColorNetwork, or Choice, optional
+    estimate : callable or Choice
         ``estimate(planes, sensor)`` returns the estimates of gray planes, (N, h, w), and how they
-        were made. A color network estimates colors. A choice is that of the blend on held-out bits.
-        Default: the pretrained color network.
+        were made. A choice is that of a color network, or of the blend on held-out bits.
+    network : ColorNetwork, optional
+        The color network of the caller. Default: the pretrained one.
     trials, channel_axis, out, threads
         As of :func:`jotlight.reconstruct`.
     demosaicing : {"menon", "differences"}, optional
@@ -109,17 +111,19 @@ def reconstruct_mosaic(
             "data: expected gray bits or counts, because the pixels of a mosaic have one color "
             "each, got color channels; sensor.replace(mosaic=None) is a sensor of color channels"
         )
-    if not (estimate is None or isinstance(estimate, ColorNetwork)):
+    if not isinstance(estimate, Choice) or estimate.method == BLEND_METHOD:
         check_installed(method)
     counted = [count_image(one, gray, threads, mosaic) for one in images.data]
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
-    if isinstance(estimate, Choice):
-        colors, info = _by_blend(counted, mosaic, estimate, method, threads)
-    elif estimate is None or isinstance(estimate, ColorNetwork):
-        colors, info = _by_color_network(counted, mosaic, gray, estimate, precision, threads)
-    else:
+    if not isinstance(estimate, Choice):
         colors, info = _by_planes(counted, mosaic, estimate, method)
-    if estimate is None or isinstance(estimate, ColorNetwork | Choice):
+    elif estimate.method == BLEND_METHOD:
+        colors, info = _by_blend(counted, mosaic, estimate, method, threads)
+    else:
+        network = network or pretrained_color(MOSAIC_FILE)
+        network = network if precision is None else network.with_precision(precision)
+        colors, info = _by_color_network(counted, mosaic, gray, network, estimate, threads)
+    if isinstance(estimate, Choice):
         # The estimates of planes warn by themselves.
         bright = partial(bright_behind_mosaic, counted, mosaic)
         warn_about_clipping(np.stack(colors), sensor, bright)
@@ -134,21 +138,17 @@ def _by_color_network(
     counted: Sequence[PixelCounts],
     mosaic: Mosaic,
     gray: Sensor,
-    own: ColorNetwork | None,
-    precision: str | None,
+    network: ColorNetwork,
+    choice: Choice,
     threads: int | None,
 ) -> tuple[list[Image], Info]:
-    """Return the colors of each image by the caller's color network, or by the pretrained one.
+    """Return the colors of each image by a color network. How they were made is without its time.
 
-    How they were made is without its time.
+    The gray network at which it starts has its precision.
     """
-    network = own or pretrained_color(MOSAIC_FILE)
-    network = network if precision is None else network.with_precision(precision)
     start = pretrained_conditional(gray, COLOR_START).with_precision(network.precision)
     colors = [estimate_mosaic(network, start, each, mosaic, threads) for each in counted]
-    name = COLOR_NETWORK if own is None else OWN_NETWORK
-    reason = "recommended for mosaics" if own is None else "requested"
-    return colors, Info(name, METHOD_TITLES[name], reason, 0.0)
+    return colors, Info(choice.method, choice.title, choice.reason, 0.0)
 
 
 def _by_blend(
