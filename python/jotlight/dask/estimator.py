@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
 from jotlight.evaluation.choice import Choice, check_fallback
-from jotlight.evaluation.color.color_data import check_demosaicing, uses_color_network
+from jotlight.evaluation.color.color_data import check_demosaicing
 from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.weights import weights_sha256
@@ -213,18 +213,16 @@ def choose_estimator(
 def checked(estimator: Estimator) -> Estimator:
     """Return an estimator, or raise ValueError if its parts do not fit together."""
     sensor, request, choice = estimator.sensor, estimator.request, estimator.choice
-    network, demosaicing = estimator.own_network, request.demosaicing
+    network = estimator.own_network
     if network is not None:
         for each in plane_sensors(sensor):
             network.check_sensor(each)
     if request.fallback:
         check_fallback(sensor, choice.method, choice.quality, network)
-    check_demosaicing(demosaicing, sensor)
+    check_demosaicing(request.demosaicing, sensor)
     choice.check_precision(request.precision, fallback=request.fallback)
-    if sensor.mosaic is not None:
-        is_default = choice.method == COLOR_NETWORK
-        by_network = uses_color_network(sensor, demosaicing, is_default=is_default)
-        choose_demosaicing(sensor.mosaic, None if by_network else demosaicing)
+    if sensor.mosaic is not None and choice.method != COLOR_NETWORK:
+        choose_demosaicing(sensor.mosaic, request.demosaicing)
     return estimator
 
 

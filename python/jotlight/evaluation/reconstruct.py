@@ -5,21 +5,20 @@ from __future__ import annotations
 import dataclasses
 import time
 from functools import partial
-from typing import Any, Literal, cast, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Image
 from jotlight.estimators.brightness import unit_scale
-from jotlight.evaluation.choice import Choice, check_precision_of
+from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.color.channels import (
     run_color_network,
     without_warnings_of_colors,
 )
 from jotlight.evaluation.color.color_data import (
     BY_COLOR_NETWORK,
-    check_color_network,
     check_demosaicing,
     check_taken,
     takes_channels,
@@ -34,7 +33,7 @@ from jotlight.evaluation.many_trials import takes_blend, trials_of
 from jotlight.evaluation.methods import BLEND_METHOD, DEFAULT_METHOD
 from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
 from jotlight.evaluation.records.info import Info
-from jotlight.evaluation.request import AnyMethod, Request
+from jotlight.evaluation.request import AnyMethod, Request, with_network_of_module
 from jotlight.evaluation.run_choice import run_choice
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
@@ -197,8 +196,7 @@ def reconstruct(
     """
     if "return_history" in options:
         raise TypeError("return_history: pass return_info=True, and take the history of the info")
-    if callable(to_network := getattr(method, "to_network", None)):
-        method = cast(AnyNetwork, to_network())  # a module of jotlight.torch
+    method = with_network_of_module(method)
     if sensor is None and isinstance(method, Network):
         sensor = method.sensor_of(data, trials)
     request = Request(method, quality, demosaicing, precision, fallback, options, threads)
@@ -255,11 +253,10 @@ def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> t
 
 def _choice_of_colors(request: Request, sensor: Sensor, *, has_form: bool) -> Choice | None:
     """Return the choice of a method that estimates the colors of a mosaic, or None for planes."""
-    if not isinstance(request.method, str | AnyNetwork | None):
-        check_color_network(sensor, request.demosaicing, is_default=False)
-        return None
-    choice = request.choose(sensor, takes_colors=has_form)
-    return choice if choice.is_color or isinstance(request.method, ColorNetwork) else None
+    choice = request.choose_unless_own(sensor, takes_colors=has_form)
+    if choice is None or choice.is_color or isinstance(request.method, ColorNetwork):
+        return choice
+    return None
 
 
 def _by_function(
@@ -271,11 +268,7 @@ def _by_function(
 ) -> tuple[Image, Info]:
     """Return the estimate of a function of the caller, and how it was made."""
     start = time.perf_counter()
-    if request.fallback:
-        raise ValueError(f"fallback: is for networks, but method is {function!r}")
-    if request.quality is not None:
-        raise ValueError(f"quality: selects a pretrained network, but method is {function!r}")
-    check_precision_of(request.precision, "a function")
+    request.choose_unless_own(sensor, takes_colors=False)
     output = output_of(gray_images(data), sensor, out)
     estimate = output.deliver(run_own(function, data, sensor, request.threads, request.options))
     name = str(getattr(function, "__name__", type(function).__name__))

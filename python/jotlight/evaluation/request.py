@@ -1,9 +1,9 @@
 """What a caller requests of a reconstruction: the method, and its settings."""
 
 import dataclasses
-from typing import Any, Self
+from typing import Any, Self, cast
 
-from jotlight.evaluation.choice import Choice, choose_method
+from jotlight.evaluation.choice import Choice, check_fallback, check_precision_of, choose_method
 from jotlight.evaluation.color.color_data import (
     BY_COLOR_NETWORK,
     check_color_network,
@@ -13,10 +13,23 @@ from jotlight.evaluation.methods import BLEND_METHOD, COLOR_NETWORK
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.requested_method import check_extras, named_method
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
+from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 
 AnyMethod = str | AnyNetwork | OwnMethod
 """The name of a method, a network, or a function."""
+
+
+def with_network_of_module(method: AnyMethod | None) -> AnyMethod | None:
+    """Return a method, or the network of a module of :mod:`jotlight.torch`.
+
+    Examples
+    --------
+    >>> with_network_of_module("mle")
+    'mle'
+    """
+    to_network = getattr(method, "to_network", None)
+    return cast(AnyNetwork, to_network()) if callable(to_network) else method
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,6 +53,11 @@ class Request:
     @property
     def _names_method(self) -> bool:
         return not (self.method is None and self.quality is None and not self.options)
+
+    @property
+    def is_function(self) -> bool:
+        """Whether the method is a function of the caller."""
+        return callable(self.method) and not isinstance(self.method, AnyNetwork)
 
     def with_threads(self, threads: int | None) -> Self:
         """Return the same request for a number of threads."""
@@ -141,7 +159,7 @@ class Request:
             raise ValueError("demosaicing: is not an option of a color network; leave it out")
         if sensor.mosaic is not None and not by_colors:
             is_default = takes_colors and self.is_default
-            check_color_network(sensor, self.demosaicing, is_default=is_default)
+            check_color_network(self.demosaicing, is_default=is_default)
         choice = choose_method(
             sensor,
             requested=requested,
@@ -152,6 +170,36 @@ class Request:
             trials=trials,
         )
         choice.check_precision(self.precision, fallback=self.fallback)
+        return choice
+
+    def choose_unless_own(self, sensor: Sensor, *, takes_colors: bool) -> Choice | None:
+        """Return the method for data of a sensor, or None if it is a function of the caller.
+
+        The arguments and errors are those of :meth:`choose`. The settings of a function, and
+        `fallback`, are checked, too.
+
+        Examples
+        --------
+        >>> Request("mle").choose_unless_own(jl.Sensor(), takes_colors=False).method
+        'mle'
+        >>> Request(np.mean).choose_unless_own(jl.Sensor(), takes_colors=False) is None
+        True
+        """
+        if self.is_function:
+            if self.fallback:
+                raise ValueError(f"fallback: is for networks, but method is {self.method!r}")
+            if self.quality is not None:
+                raise ValueError(
+                    f"quality: selects a pretrained network, but method is {self.method!r}"
+                )
+            check_precision_of(self.precision, "a function")
+            check_demosaicing(self.demosaicing, sensor)
+            check_color_network(self.demosaicing, is_default=False)
+            return None
+        choice = self.choose(sensor, takes_colors=takes_colors)
+        if self.fallback:
+            network = self.method if isinstance(self.method, Network) else None
+            check_fallback(sensor, choice.method, choice.quality, network)
         return choice
 
     def of_choice(self, choice: Choice) -> Self:

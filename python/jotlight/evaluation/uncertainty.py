@@ -15,12 +15,9 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.readings.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.readings.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
-from jotlight.evaluation.choice import check_fallback, check_precision_of
 from jotlight.evaluation.color.color_data import (
-    check_demosaicing,
     takes_channels,
     takes_mosaic,
-    uses_color_network,
 )
 from jotlight.evaluation.contradictions.bright_pixels import bright_in_first_frames, bright_pixels
 from jotlight.evaluation.contradictions.clipping import warn_about_clipping
@@ -37,7 +34,7 @@ from jotlight.evaluation.intervals.widened_intervals import widen_intervals
 from jotlight.evaluation.many_trials import trials_of
 from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
-from jotlight.evaluation.request import AnyMethod, Request
+from jotlight.evaluation.request import AnyMethod, Request, with_network_of_module
 from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.data.pixel_counts import Data, GrayImages, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
@@ -161,11 +158,11 @@ def uncertainty(
             "confidence_level: expected a coverage from 0.5 to below 1, got "
             f"{shown(confidence_level)}{percent_advice(level, 0.5)}"
         )
+    method = with_network_of_module(method)
     request = Request(method, quality, demosaicing, precision, fallback, threads=threads)
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:
-        is_default = request.is_default or method == COLOR_NETWORK
-        is_default = is_default and takes_mosaic(data, trials)
+        choice = request.choose_unless_own(stated, takes_colors=takes_mosaic(data, trials))
         scale = unit_scale(stated, units)
 
         def colors() -> npt.ArrayLike:
@@ -178,7 +175,7 @@ def uncertainty(
             data,
             stated,
             colors,
-            is_own=uses_color_network(stated, demosaicing, is_default=is_default),
+            is_own=choice is not None and choice.method == COLOR_NETWORK,
             confidence_level=confidence_level,
             trials=trials,
             channel_axis=channel_axis,
@@ -186,13 +183,9 @@ def uncertainty(
         )
         return found.scaled(scale)
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
-    check_demosaicing(demosaicing, sensor)
     scale = unit_scale(sensor, units, data)
-    if method == EXACT_METHOD:
-        check_precision_of(precision, EXACT_METHOD)
-        if fallback:
-            check_fallback(sensor, EXACT_METHOD, None, None)
     images = gray_images(data)
+    request.choose_unless_own(sensor, takes_colors=takes_channels(images))
     if estimate is not None:
         shape = images.layout.shape_of(images.size(sensor))
         estimate = read_estimate(estimate, shape, sensor.max_intensity)

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, TITLES
-from jotlight.evaluation.many_trials import takes_blend, trials_of
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.data.pixel_counts import GrayImages
 from jotlight.sensing.merged import Merged, is_finer
@@ -129,47 +128,19 @@ def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> 
         )
 
 
-def check_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> None:
+def check_color_network(demosaicing: str | None, *, is_default: bool) -> None:
     """Raise ValueError if `demosaicing` requests the color network where it cannot be used.
 
-    The parameters are those of :func:`uses_color_network`.
+    `is_default` states whether no method and no options are requested, and :func:`takes_mosaic`
+    accepts the data.
 
     Examples
     --------
-    >>> check_color_network(jl.Sensor(mosaic="RGGB"), "network", is_default=True)
-    >>> check_color_network(jl.Sensor(mosaic="RGGB"), "network", is_default=False)
+    >>> check_color_network("network", is_default=True)
+    >>> check_color_network("network", is_default=False)
     Traceback (most recent call last):
       ...
     ValueError: demosaicing: "network" estimates colors without another method: it takes no ...
     """
-    check_demosaicing(demosaicing, sensor)
-    if demosaicing == BY_COLOR_NETWORK and not (is_default and takes_sensor(sensor)):
+    if demosaicing == BY_COLOR_NETWORK and not is_default:
         raise ValueError(f'demosaicing: "network" {_TAKEN}')
-
-
-def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
-    """Return whether the color network alone estimates the image of a sensor with a mosaic.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        A sensor with a mosaic.
-    demosaicing : str, optional
-        As of :func:`jotlight.reconstruct`.
-    is_default : bool
-        Whether no method and no options are requested, and :func:`takes_mosaic` accepts the data.
-
-    Raises
-    ------
-    ValueError
-        For an unknown `demosaicing`, and for "network" where the color network cannot be used.
-
-    Examples
-    --------
-    >>> uses_color_network(jl.Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
-    True
-    """
-    check_color_network(sensor, demosaicing, is_default=is_default)
-    if demosaicing is not None:
-        return demosaicing == BY_COLOR_NETWORK
-    return is_default and takes_sensor(sensor) and not takes_blend(sensor, trials_of(sensor))
