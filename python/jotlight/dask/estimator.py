@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
 from jotlight.evaluation.choice import Choice, check_fallback
-from jotlight.evaluation.color.color_data import check_demosaicing
 from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.weights import weights_sha256
@@ -219,8 +218,6 @@ def checked(estimator: Estimator) -> Estimator:
             network.check_sensor(each)
     if request.fallback:
         check_fallback(sensor, choice.method, choice.quality, network)
-    check_demosaicing(request.demosaicing, sensor)
-    choice.check_precision(request.precision, fallback=request.fallback)
     if sensor.mosaic is not None and choice.method != COLOR_NETWORK:
         choose_demosaicing(sensor.mosaic, request.demosaicing)
     return estimator
