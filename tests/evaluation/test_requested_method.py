@@ -29,7 +29,7 @@ def test_a_name_is_kept_beside_its_options(method, option):
     [
         ("magic", [], "method: there is no 'magic'; expected one of mle, "),
         ("mle-iterative", ["norm"], "norm: is an option of admm-tv, not of mle-iterative"),
-        ("network-colour", [], "did you mean network-color?"),
+        ("network-colr", [], "did you mean network-color?"),
         ("network-color", ["weight"], "weight: is an option of admm-tv, not of network-color"),
         ("admm-tv", ["inverse"], "inverse: is an option of noniterative-gaussian, .* not of admm"),
         (None, ["inverse", "tol"], "tol: is an option of mle-iterative, admm-tv, not of noniter"),

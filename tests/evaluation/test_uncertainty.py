@@ -49,6 +49,7 @@ def test_demosaicing_that_does_not_go_with_a_method_is_refused(method):
             function(COUNTS, MOSAIC, method=method, demosaicing=demosaicing)
 
 
+@pytest.mark.slow
 def test_a_color_network_of_the_caller_may_name_its_demosaicing():
     own = {"method": pretrained_color(MOSAIC_FILE)}
     known, expected = (
