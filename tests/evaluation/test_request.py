@@ -89,10 +89,13 @@ def test_a_color_network_takes_no_planes(method):
         Request(method, demosaicing="menon").choose(MOSAIC, takes_colors=True)
 
 
-def test_the_color_network_needs_the_box_kernel():
+@pytest.mark.parametrize("method", ["network-color", pretrained_color(MOSAIC_FILE)], ids=type)
+def test_a_color_network_needs_colors_and_the_box_kernel(method):
+    with pytest.raises(ValueError, match="got other data; name another method"):
+        Request(method).choose(GRAY, takes_colors=False)
     smooth = GRAY.replace(kernel="cubic")
     with pytest.raises(ValueError, match="got the kernel cubic; name another method"):
-        Request("network-color").choose(smooth, takes_colors=True)
+        Request(method).choose(smooth, takes_colors=True)
 
 
 def test_the_color_network_has_no_options_of_its_own():

@@ -13,7 +13,7 @@ from jotlight.evaluation.methods import (
     METHODS,
     find_method,
 )
-from jotlight.networks.color_network import AnyNetwork
+from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.precision import DEEP, F32, check_precision
 from jotlight.networks.pretrained import uses_conditional
@@ -134,7 +134,7 @@ def choose_method(
     Raises
     ------
     ValueError
-        When the color network is requested for data that it does not take.
+        When a color network is requested for data that it does not take.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def choose_method(
     'held-out'
     """
     recommended_for = None
-    if requested == COLOR_NETWORK:
+    if requested == COLOR_NETWORK or isinstance(network, ColorNetwork):
         check_taken(sensor, has_form=is_color)
     is_color = is_color and takes_sensor(sensor)
     if network is not None:

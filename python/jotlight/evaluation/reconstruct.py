@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, Literal, overload
 
@@ -11,16 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Image
+from jotlight.errors import hide_warnings
 from jotlight.estimators.brightness import unit_scale
+from jotlight.estimators.inpaint import NO_VALID_BIT
 from jotlight.evaluation.choice import Choice
-from jotlight.evaluation.color.channels import (
-    run_color_network,
-    without_warnings_of_colors,
-)
 from jotlight.evaluation.color.color_data import (
     BY_COLOR_NETWORK,
     check_demosaicing,
-    check_taken,
     takes_channels,
     takes_mosaic,
 )
@@ -46,7 +45,7 @@ from jotlight.sensing.data.pixel_counts import (
     gray_images,
     prepare_data,
 )
-from jotlight.sensing.merged import is_finer
+from jotlight.sensing.merged import Merged, is_finer
 from jotlight.sensing.sensor import Sensor
 
 
@@ -214,7 +213,7 @@ def reconstruct(
     if callable(method) and not isinstance(method, AnyNetwork):
         estimate, info = _by_function(method, request, data, sensor, out)
     else:
-        with without_warnings_of_colors(data):
+        with _without_warnings_of_colors(data):
             images = gray_images(data)
             estimate, info = _by_method(request, images, sensor, out)
         bright = partial(bright_in_first_frames, images, sensor, threads)
@@ -232,8 +231,6 @@ def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> t
     method, demosaicing = request.method, request.demosaicing
     has_form = takes_mosaic(data, arrays["trials"])
     network = method if isinstance(method, ColorNetwork) else None
-    if network is not None:
-        check_taken(sensor, has_form=has_form)
     estimate: EstimatePlanes | Choice | None = _choice_of_colors(request, sensor, has_form=has_form)
     if estimate is None:
         of_planes = dataclasses.replace(request, demosaicing=None).arguments()
@@ -275,15 +272,29 @@ def _by_function(
     return estimate, Info(name, name, "requested", time.perf_counter() - start)
 
 
+@contextlib.contextmanager
+def _without_warnings_of_colors(data: object) -> Iterator[None]:
+    """Hide the warning about dead pixels, if each pixel has bits of at least one color.
+
+    In counts that were merged along a motion behind a mosaic, a pixel may lack the bits of a color.
+    It is not dead.
+    """
+    are_known = (
+        isinstance(data, Merged)
+        and data.ones.ndim == 3
+        and np.broadcast_to(data.trials, data.shape).any(axis=2).all()
+    )
+    with hide_warnings(NO_VALID_BIT) if are_known else contextlib.nullcontext():
+        yield
+
+
 def _by_method(
     request: Request, images: GrayImages, sensor: Sensor, out: Image | None
 ) -> tuple[Image, Info]:
     """Return the estimate of a network or of one of jotlight's methods, and how it was made."""
-    method, precision, threads = request.method, request.precision, request.threads
+    method, threads = request.method, request.threads
     requested = request.name()
-    if isinstance(method, ColorNetwork):
-        return run_color_network(method, images, sensor, out, threads, precision)
-    network = method if isinstance(method, Network) else None
+    network = method if isinstance(method, AnyNetwork) else None
     if requested is None and any(is_finer(each) for each in images.data):
         requested = DEFAULT_METHOD
         request = dataclasses.replace(request, method=network or requested)

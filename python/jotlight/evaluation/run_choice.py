@@ -10,7 +10,7 @@ from jotlight.evaluation.color.color_images import reconstruct_channels
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import BLEND_METHOD, COLOR_NETWORK, METHODS
 from jotlight.evaluation.request import Request
-from jotlight.networks.network import Network
+from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import GrayImages
@@ -34,7 +34,7 @@ def run_choice(
     sensor: Sensor,
     out: Image | None,
     *,
-    network: Network | None = None,
+    network: AnyNetwork | None = None,
     is_conditional: bool = False,
 ) -> Run:
     """Return the estimate of images by the method that was chosen for them.
@@ -51,7 +51,7 @@ def run_choice(
         Their sensor.
     out : ndarray of float32, optional
         Array for the estimate. Default: a new one.
-    network : Network, optional
+    network : Network or ColorNetwork, optional
         The network to run, that of the caller or a pretrained one. Default: that of the choice.
     is_conditional : bool
         Whether a pretrained network must be K-conditioned, because the numbers of trials differ.
@@ -62,14 +62,15 @@ def run_choice(
         When the method does not serve the sensor.
     """
     threads = request.threads
+    if isinstance(network, ColorNetwork) or choice.method == COLOR_NETWORK:
+        own = network if isinstance(network, ColorNetwork) else None
+        return Run(reconstruct_channels(images, sensor, out, threads, own, request.precision))
     if request.fallback or choice.method == BLEND_METHOD:
         check_fallback(sensor, choice.method, choice.quality, network)
         network = network or pretrained_conditional(sensor, choice.quality or DEFAULT_SIZE)
         output = output_of(images, sensor, out)
         blends, shares = blend(images, sensor, network, threads, is_color=choice.is_color)
         return Run(output.finish(blends), shares=shares)
-    if choice.method == COLOR_NETWORK:
-        return Run(reconstruct_channels(images, sensor, out, threads, precision=request.precision))
     if network is not None or choice.quality is not None:
         load = pretrained_conditional if is_conditional else pretrained
         network = network or load(sensor, str(choice.quality))

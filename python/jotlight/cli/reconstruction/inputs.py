@@ -18,7 +18,7 @@ from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.methods import COLOR_NETWORK, DEFAULT_METHOD
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import Capture
-from jotlight.networks.color_network import AnyNetwork
+from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.sensing.bits.bits import Bits
 
 
@@ -101,7 +101,7 @@ class Inputs:
     ) -> Reconstruction:
         """Return the reconstruction of an image from an opened capture, as :meth:`prepare`.
 
-        With `may_be_color`, the color network may be recommended.
+        With `may_be_color`, the color network may be recommended. It may be requested anyway.
         """
         request = self.method.to_request()
         if self.motion.factor > 1 and request.method is None:
@@ -119,7 +119,7 @@ class Inputs:
         is_range_known = captured.has_own_sensor or self.sensor.max_intensity is not None
         # A merged image may have no mosaic.
         asked = request if may_be_color else dataclasses.replace(request, demosaicing=None)
-        may_be_color |= request.method == COLOR_NETWORK
+        may_be_color |= request.method == COLOR_NETWORK or isinstance(network, ColorNetwork)
         choice = asked.choose(
             captured.sensor,
             takes_colors=may_be_color and takes_capture(captured),
