@@ -68,7 +68,7 @@ class Windows(Sequence[slice]):
         return slice(start, start + self.window)
 
 
-def windows(frames: int, window: int, step: int | None = None, *, name: str = "window") -> Windows:
+def windows(frames: int, window: int, step: int | None = None) -> Windows:
     """Return the frames of each window as a slice: `window` frames, from every `step`-th frame on.
 
     Parameters
@@ -79,8 +79,6 @@ def windows(frames: int, window: int, step: int | None = None, *, name: str = "w
         The number of frames of a window.
     step : int, optional
         Frames from one window to the next. Default: the size of a window.
-    name : str
-        What messages call `window`.
 
     Raises
     ------
@@ -94,11 +92,11 @@ def windows(frames: int, window: int, step: int | None = None, *, name: str = "w
     >>> [(w.start, w.stop) for w in windows(10, 4, 3)]
     [(0, 4), (3, 7), (6, 10)]
     """
-    for each, value in ((name, window), ("step", window if step is None else step)):
+    for each, value in (("window", window), ("step", window if step is None else step)):
         if isinstance(value, bool) or not hasattr(value, "__index__"):
             raise TypeError(f"{each}: expected a whole number of frames, got {value!r:.80}")
     if not 1 <= window <= frames:
-        raise ValueError(f"{name}: expected 1 to the capture's {frames} frames, got {window}")
+        raise ValueError(f"window: expected 1 to the capture's {frames} frames, got {window}")
     step = window if step is None else step
     if step < 1:
         raise ValueError(f"step: expected 1 frame or more, got {step}")

@@ -110,11 +110,11 @@ def test_frames_of_files_are_read_part_by_part(tmp_path):
 
 def test_windows_are_bits_whose_sensor_has_as_many_frames():
     bits = jl.Bits.from_array(random_bits(10, 5, 9), jl.Sensor(frames=10, gain=5.0))
-    parts = list(bits.windows(4, 3))
+    parts = list(bits.windows(window=4, step=3))
     assert [part.sensor for part in parts] == [jl.Sensor(frames=4, gain=2.0)] * 3
     for index, part in enumerate(parts):
         np.testing.assert_array_equal(part.to_array(), bits[3 * index : 3 * index + 4].to_array())
-    with pytest.raises(ValueError, match=r"^n: expected 1 to the capture's 10 frames"):
+    with pytest.raises(ValueError, match=r"^window: expected 1 to the capture's 10 frames"):
         bits.windows(11)
 
 

@@ -255,11 +255,11 @@ def test_a_sensor_with_another_number_of_bits_is_refused(method):
 def test_windows_are_readings_whose_sensor_has_as_many_frames():
     sensor = jl.Sensor(frames=10, gain=5.0, bit_depth=3)
     readings = sensor.expose(np.full((5, 9), 2.0), rng=0)
-    parts = list(readings.windows(4, 3))
+    parts = list(readings.windows(window=4, step=3))
     assert [part.sensor for part in parts] == [sensor.replace(frames=4, gain=2.0)] * 3
     for index, part in enumerate(parts):
         np.testing.assert_array_equal(part.to_array(), readings[3 * index : 3 * index + 4])
-    with pytest.raises(ValueError, match=r"^n: expected 1 to the capture's 10 frames"):
+    with pytest.raises(ValueError, match=r"^window: expected 1 to the capture's 10 frames"):
         readings.windows(11)
 
 

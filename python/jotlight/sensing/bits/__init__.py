@@ -6,7 +6,7 @@ In reading order:
 - ``readings``: readings of several bits. ``values``: their conversion to arrays.
 - ``counting``, ``subsampling``: the ones of bits, and some of them. ``crop``, ``channels``: rows
   and columns, and colors. ``lazy``: lazy arrays. ``preview``: images of bits.
-- ``frame_sequence``: whether two captures are equal. ``output_images``: the array `out` of
+- ``frame_sequence``: what bits and readings have in common. ``output_images``: the array `out` of
   methods.
-- ``bits_checks``, ``byte_levels``, ``array_hints``: checks and messages.
+- ``bits_checks``, ``byte_levels``: checks and messages.
 """

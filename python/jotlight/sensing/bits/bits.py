@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import refuse_masked, whole_number
-from jotlight.chunks import windows
 from jotlight.errors import counted
 from jotlight.progress import Progress
 from jotlight.sensing.bits import byte_levels, lazy, preview
@@ -136,10 +135,6 @@ class Bits(FrameSequence):
         frames, height, _, *channels = self.packed.shape
         return (frames, height, self.width, *channels)
 
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return int(self.packed.shape[0])
-
     @overload
     def __getitem__(self, index: SupportsIndex | OneFrame) -> npt.NDArray[np.bool_]: ...
     @overload
@@ -207,29 +202,6 @@ class Bits(FrameSequence):
         dtype = np.dtype(np.bool_ if dtype is None else dtype)
         check_unpacked_size(self.shape, dtype.itemsize)
         return self.to_array().astype(dtype, copy=False)
-
-    def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
-        """Return an iterator over windows of `n` frames, which begin every `step` frames.
-
-        Parameters
-        ----------
-        n : int
-            Number of frames, from 1 to T.
-        step : int, optional
-            Frames from one window to the next. Default: the size of a window.
-
-        Raises
-        ------
-        TypeError, ValueError
-            When a number is not whole, or out of range.
-
-        Examples
-        --------
-        >>> bits = jl.Bits.from_array(np.zeros((10, 4, 4), bool))
-        >>> [len(part) for part in bits.windows(4, 3)]
-        [4, 4, 4]
-        """
-        return (self[frames] for frames in windows(len(self), n, step, name="n"))
 
     def to_array(self) -> npt.NDArray[np.bool_]:
         """Return unpacked bits of bool, (T, H, W) or (T, H, W, C). They take 8 times the memory.

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import refuse_masked, to_array
-from jotlight.chunks import windows
 from jotlight.errors import counted
 from jotlight.notebook import card, normalize
 from jotlight.progress import Progress, shown_progress
@@ -96,10 +95,6 @@ class Readings(FrameSequence):
         """(T, H, W) or (T, H, W, C), in jots."""
         return tuple(self.frames.shape)
 
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return int(self.shape[0])
-
     def __iter__(self) -> Iterator[npt.NDArray[np.uint16]]:
         """Yield each frame as an array, (H, W) or (H, W, C)."""
         for start in range(len(self)):
@@ -126,29 +121,6 @@ class Readings(FrameSequence):
         if region is not None:
             taken, sensor = crop_frames(taken, region), region.crop_sensor(sensor)
         return type(self)(taken, sensor, note_part(self.provenance, frames, region, self.shape))
-
-    def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
-        """Return an iterator over windows of `n` frames, which begin every `step` frames.
-
-        Parameters
-        ----------
-        n : int
-            Number of frames, from 1 to T.
-        step : int, optional
-            Frames from one window to the next. Default: the size of a window.
-
-        Raises
-        ------
-        TypeError, ValueError
-            When a number is not whole, or out of range.
-
-        Examples
-        --------
-        >>> readings = jl.Readings(np.ones((10, 4, 4), int), jl.Sensor(frames=10, bit_depth=3))
-        >>> [len(part) for part in readings.windows(4, 3)]
-        [4, 4, 4]
-        """
-        return (self[frames] for frames in windows(len(self), n, step, name="n"))
 
     def read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:
         """Return the readings of the frames from `start` up to `stop` - 1.
