@@ -30,7 +30,6 @@ def ones(counts):
         ({"method": "admm-tv", "precision": "bf16"}, "precision: expected f32 for admm-tv"),
         ({"method": ones, "precision": "bf16"}, "precision: expected f32 for a function"),
     ],
-    ids=str,
 )
 def test_contradictions_are_refused_as_by_reconstructions(sensor, is_known, options, message):
     shape = (8, 8) if sensor is GRAY else (8, 8, 3)
