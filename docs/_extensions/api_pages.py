@@ -184,13 +184,23 @@ def _import_lines(module: str) -> list[str]:
     ]
 
 
-def _page(each: Name, documentation: str, anchors: str) -> str:
+def _inherited_members(value: type, names: Sequence[Name]) -> str:
+    """Return the option that adds members of base classes without pages, which come first."""
+    with_pages = {id(each.value) for each in names}
+    for number, base in enumerate(value.__mro__[1:]):
+        if not base.__module__.startswith("jotlight.") or id(base) in with_pages:
+            return f"   :inherited-members: {base.__name__}\n" if number else ""
+    return ""
+
+
+def _page(each: Name, documentation: str, anchors: str, names: Sequence[Name] = ()) -> str:
     head = f"{each.path}\n{'=' * len(each.path)}\n\n.. currentmodule:: {each.module}\n\n"
     head += f".. raw:: html\n\n   {anchors}\n\n" if anchors else ""
     head += "".join(f"{line}\n" for line in _import_lines(each.module))
     if inspect.isclass(each.value):
         bases = "" if each.value.__bases__ == (object,) else "   :show-inheritance:\n"
-        return f"{head}.. autoclass:: {each.name}\n   :members:\n{bases}"
+        inherited = _inherited_members(each.value, names)
+        return f"{head}.. autoclass:: {each.name}\n   :members:\n{inherited}{bases}"
     if inspect.isroutine(each.value):
         return f"{head}.. autofunction:: {each.name}\n"
     body = "\n".join(f"   {line}" for line in documentation.splitlines())
@@ -239,7 +249,9 @@ def write_pages(app: Sphinx) -> None:
     folders = {each.folder for each in names}
     titles = {name: title for name, title in SECTIONS.items() if name in folders}
     titles |= {name: name.capitalize() for name in sorted(folders - set(SECTIONS))}
-    pages = {each.file: _page(each, texts[each.path], _anchors(each, names)) for each in names}
+    pages = {
+        each.file: _page(each, texts[each.path], _anchors(each, names), names) for each in names
+    }
     for name, title in titles.items():
         within = [each for each in names if each.folder == name]
         pages[name] = _section_page(title, within, summaries)

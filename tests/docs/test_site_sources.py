@@ -52,6 +52,17 @@ def test_pages_say_how_to_import_a_module_of_a_subpackage(monkeypatch):
     assert "from jotlight import" not in pages._page(other, "", "")
 
 
+def test_pages_of_classes_have_the_members_of_bases_without_pages(monkeypatch):
+    pytest.importorskip("sphinx", reason="no Sphinx: pip install 'jotlight[site]'")
+    monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
+    pages = importlib.import_module("api_pages")
+    bits, info = (pages.Name("jotlight", each.__name__, each) for each in (jl.Bits, jl.Plan))
+    assert "   :inherited-members: object\n" in pages._page(bits, "", "")
+    assert "inherited" not in pages._page(info, "", "")
+    base = pages.Name("jotlight", "Base", jl.Bits.__bases__[0])
+    assert "inherited" not in pages._page(bits, "", "", [base])
+
+
 def test_every_example_has_a_title_and_ends_with_its_figure():
     examples = list((ROOT / "examples").glob("*.py"))
     assert examples
