@@ -7,31 +7,23 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.sensing.parameters.reading_checks import Gain, Threshold
+from jotlight.sensing.parameters.sensor_like import SensorLike
 from jotlight.sensing.parameters.slices import require_slice
 
 S = TypeVar("S", bound="GroupedSensor")
 
 
-class GroupedSensor(Protocol):
+class GroupedSensor(SensorLike, Protocol):
     """The part of :class:`jotlight.Sensor` that groups of readings use."""
 
-    @property
-    def frames(self) -> int: ...  # noqa: D102
     @property
     def gain(self) -> Gain: ...  # noqa: D102
     @property
     def threshold(self) -> Threshold: ...  # noqa: D102
     @property
-    def oversampling(self) -> int: ...  # noqa: D102
-    @property
-    def bit_depth(self) -> int: ...  # noqa: D102
-    @property
     def read_noise(self) -> float: ...  # noqa: D102
     @property
     def mask(self) -> npt.NDArray[np.bool_] | None: ...  # noqa: D102
-    @property
-    def mosaic(self) -> Any: ...  # noqa: D102
-    def replace(self: S, **changes: Any) -> S: ...  # noqa: D102
 
 
 @dataclasses.dataclass(frozen=True)
