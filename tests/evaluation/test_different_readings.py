@@ -313,3 +313,14 @@ def test_intervals_of_saturated_readings_end_at_the_largest_intensity(options):
     assert not found.saturated[:, :12].any()
     assert (found.high[:, 13:] == 60).all()
     assert found.high[:, :11].max() < 10
+
+
+@pytest.mark.slow
+def test_the_blend_does_not_depend_on_the_largest_intensity():
+    # Saturated readings agree with any bright light, so held-out ones must not prefer S.
+    image = 0.2 + 1.6 * jl.datasets.photograph("camera", gray=True)[::2, ::2][32:160, 32:160]
+    sensor = jl.Sensor(frames=16, gain=320.0, threshold=[19, 21] * 8, max_intensity=10.0)
+    bits = sensor.expose(image, rng=0)
+    for method in ("held-out", None):
+        estimate = jl.reconstruct(bits, method=method)
+        assert 10 * np.log10(1.6**2 / np.mean((estimate - image) ** 2)) > 24

@@ -9,6 +9,8 @@ from jotlight.evaluation.choice import choose_method
 from jotlight.evaluation.held_out import held_out
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.evaluation.methods import BLEND_METHOD, METHODS
+from jotlight.sensing.data.pixel_counts import count_pixels
+from jotlight.sensing.merged import Merged
 
 PHOTOGRAPH = jl.datasets.photograph("camera", gray=True)[100:292, 150:342]
 PARTS = "network-medium", "admm-tv", "mle"
@@ -71,3 +73,12 @@ def test_small_weights_that_are_left_out_do_not_darken_the_image(monkeypatch):
     counts = np.random.default_rng(3).binomial(3000, 0.2, (24, 24))
     sensor = jl.Sensor(frames=3000)
     np.testing.assert_allclose(held_out(counts, sensor), jl.mle(counts, sensor), rtol=1e-6)
+
+
+def test_fractional_zeros_are_held_out_as_often_as_whole_bits():
+    counts = np.full((100, 100), 3, np.int32)
+    merged = Merged(counts, np.full(counts.shape, 3.5), jl.Sensor(frames=4))
+    pixels = count_pixels(merged, merged.sensor, None)
+    ones, trials = held_out_module.hold_out(pixels)
+    assert (trials - ones).mean() == pytest.approx(0.2 * 0.5, rel=0.1)
+    assert ones.mean() == pytest.approx(0.2 * 3, rel=0.05)

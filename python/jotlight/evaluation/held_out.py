@@ -19,7 +19,7 @@ from jotlight.evaluation.color.color_images import reconstruct_channels
 from jotlight.layout import Layout, join
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained
-from jotlight.sensing.bits.subsampling import subsample_counts
+from jotlight.sensing.bits.subsampling import draw_share
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import (
     Data,
@@ -284,7 +284,7 @@ def _first(value: float | Array) -> float | Array:
 def weights_of_image(
     pixels: PixelCounts,
     ones: npt.NDArray[np.int32],
-    trials: npt.NDArray[np.int64],
+    trials: Array,
     lights: Array,
     threads: int | None,
 ) -> Image:
@@ -294,7 +294,7 @@ def weights_of_image(
     ----------
     pixels : PixelCounts
         All bits of the image.
-    ones, trials : ndarray of int
+    ones, trials : ndarray
         The held-out bits, as :func:`hold_out` returns them.
     lights : ndarray of float64, shape (M, H, W)
         The light at each pixel by each method, per frame and jot.
@@ -325,15 +325,12 @@ def weights_of_image(
     return np.asarray(interpolated, np.float32)
 
 
-def hold_out(pixels: PixelCounts) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+def hold_out(pixels: PixelCounts) -> tuple[npt.NDArray[np.int32], Array]:
     """Return the ones among the held-out bits of each pixel, and the number of these bits."""
+    trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), pixels.counts.shape)
     rng = np.random.default_rng(_SEED)
-    ones, shape = pixels.counts, pixels.counts.shape
-    trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), shape)
-    whole = ones + np.floor(trials - ones).astype(np.int64)
-    # The fractional part of the held-out bits becomes one more bit in some of the pixels.
-    number = np.floor(HELD_OUT_FRACTION * whole + rng.random(shape)).astype(np.int64)
-    return subsample_counts(ones, whole, number, rng).astype(np.int32), number
+    ones, number = draw_share(pixels.counts, trials, HELD_OUT_FRACTION, rng)
+    return ones.astype(np.int32), number
 
 
 def _brightness(lights: Array) -> Array:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jotlight.sensing.bits.subsampling import subsample_counts
+from jotlight.sensing.bits.subsampling import draw_share, subsample_counts
 
 FALSE_ALARMS = 1e-9
 """Probability that a correct program fails a statistical test."""
@@ -72,3 +72,24 @@ def test_pixels_with_many_and_with_few_bits_are_drawn_together():
     assert subsample_counts(ones, trials, subset, rng=0).tolist() == [[2**30, 3, 0]]
     with pytest.raises(ValueError, match="ones, subset: expected at most"):
         subsample_counts(ones, trials, trials + 1, rng=0)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5])
+def test_a_share_of_fractional_trials_has_as_many_zeros_as_the_rest(share):
+    pixels = 20_000
+    trials = np.full(pixels, 3.4)
+    ones, number = draw_share(np.full(pixels, 3), trials, share, np.random.default_rng(5))
+    zeros = number - ones
+    assert set(np.unique(zeros)) == {0.0, trials[0] - 3}
+    assert stats.binomtest(int((zeros > 0).sum()), pixels, share).pvalue > FALSE_ALARMS
+    assert abs(ones.mean() - 3 * share) < 0.02
+
+
+def test_a_share_of_whole_trials_takes_no_further_random_numbers():
+    ones, trials = np.full(100, 3), np.full(100, 8.0)
+    rng = np.random.default_rng(6)
+    subset = np.floor(0.2 * trials + rng.random(100)).astype(int)
+    expected = subsample_counts(ones, trials, subset, rng)
+    drawn, number = draw_share(ones, trials, 0.2, np.random.default_rng(6))
+    np.testing.assert_array_equal(drawn, expected)
+    np.testing.assert_array_equal(number, subset)

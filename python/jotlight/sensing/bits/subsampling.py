@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.array_types import Integers
+from jotlight.array_types import Array, Integers
 from jotlight.seeds import random_generator
 
 _MAX_PART = 10**9
@@ -47,6 +47,42 @@ def subsample_counts(
     zeros = np.asarray(trials, np.int64) - ones
     ones, zeros, number = np.broadcast_arrays(ones, zeros, np.asarray(subset, np.int64))
     return _draw(ones, zeros, number, random_generator(rng))
+
+
+def draw_share(
+    ones: npt.NDArray[np.integer], trials: Array, share: float, rng: np.random.Generator
+) -> tuple[Integers, Array]:
+    """Return the ones and the number of a random share of each pixel's bits.
+
+    A fraction of a trial is a zero that counts less. It is drawn like the other bits: if it always
+    stayed behind, the drawn bits would have too few zeros.
+
+    Parameters
+    ----------
+    ones : ndarray of int, shape (H, W)
+        L, the ones among the n bits of each pixel.
+    trials : ndarray of float64, shape (H, W)
+        n, which may be a real number of L or more.
+    share : float
+        The share of the bits to draw, in [0, 1].
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Examples
+    --------
+    >>> ones, trials = np.full((1, 4), 3), np.array([[5.0, 5.0, 5.5, 5.5]])
+    >>> drawn = draw_share(ones, trials, 0.5, np.random.default_rng(0))
+    >>> drawn[0].tolist(), drawn[1].tolist()
+    ([[2, 1, 2, 1]], [[3.0, 2.0, 2.5, 2.0]])
+    """
+    whole = ones + np.floor(trials - ones).astype(np.int64)
+    # The fractional part of the number of drawn bits becomes one more bit in some of the pixels.
+    number = np.minimum(np.floor(share * whole + rng.random(whole.shape)).astype(np.int64), whole)
+    drawn = subsample_counts(ones, whole, number, rng)
+    fraction = trials - whole
+    if not fraction.any():
+        return drawn, number.astype(np.float64)
+    return drawn, number + np.where(rng.random(whole.shape) < share, fraction, 0.0)
 
 
 def _draw(ones: Integers, zeros: Integers, subset: Integers, rng: np.random.Generator) -> Integers:
