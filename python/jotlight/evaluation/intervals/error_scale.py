@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array
+from jotlight.evaluation.intervals.contrast import NO_CONTRAST, Contrast
 from jotlight.networks.inference.dim_scenes import trials_per_combined
 from jotlight.sensing.bits.subsampling import subsample_counts
 from jotlight.sensing.parameters.binomial import arcsin_root, squared_sine
@@ -183,10 +184,12 @@ def combine_dim(z: Array, trials: Array) -> tuple[Array, Array, float]:
     return arcsin_root(factor * p), trials / factor, factor
 
 
-def gray_scale(model: ErrorModel, z: Array, trials: Array) -> Array:
+def gray_scale(
+    model: ErrorModel, z: Array, trials: Array, contrast: Contrast = NO_CONTRAST
+) -> Array:
     """Return the scale of the errors of a gray estimate z (H, W), from photographs."""
-    z, trials, factor = combine_dim(z, trials)
-    return np.asarray(model.scale(z, trials) / np.sqrt(factor))
+    combined, trials, factor = combine_dim(z, trials)
+    return np.asarray(model.scale(combined, trials) / np.sqrt(factor) * contrast.factor(z))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -270,9 +273,12 @@ class HalfErrors:
         return dataclasses.replace(self, known=self.known & ~is_limited, gain=gain)
 
 
-def expected_squares(model: ErrorModel, half: HalfErrors) -> Array:
+def expected_squares(
+    model: ErrorModel, half: HalfErrors, contrast: Contrast = NO_CONTRAST
+) -> Array:
     """Return the squared errors of p that a model expects of the estimate from half of the bits."""
-    scale = gray_scale(model, half.z, half.trials) * model.deviations(half.z, half.trials)
+    scale = gray_scale(model, half.z, half.trials, contrast)
+    scale *= model.deviations(half.z, half.trials)
     return np.asarray((scale * half.slope) ** 2)
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from jotlight.array_types import Array, Image
 from jotlight.estimators.trial_levels import count_local_trials
 from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.evaluation.intervals.contrast import Contrast
 from jotlight.evaluation.intervals.error_scale import (
     ErrorModel,
     Half,
@@ -275,9 +276,10 @@ class Pixels:
     ) -> KnownErrors:
         """Return the errors of a network's estimate, with those from the halves."""
         pixel = self._pixel_of(estimate)
-        scale = gray_scale(model, *pixel)
+        contrast = Contrast.of(int(self.sensor.threshold), *pixel)
+        scale = gray_scale(model, *pixel, contrast)
         if halves:
-            expected = [expected_squares(model, half) for half in halves]
+            expected = [expected_squares(model, half, contrast) for half in halves]
             scale = scale * correction(halves, expected, pixel[0])
         return KnownErrors(estimate, scale, halves, model)
 
@@ -317,8 +319,7 @@ class Pixels:
             largest = stabilize(limit, self.sensor, self.efficiency, self.dark_counts)
             unlikely, squared = find_contradictions([each.below(largest) for each in known.halves])
             scales = [known.at_least(each).scale for each in squared]
-        model = known.model
-        z, pixel = self.stabilize(estimate), self._pixel_of(known.estimate)
+        model, z, pixel = known.model, self.stabilize(estimate), self._pixel_of(known.estimate)
         unbounded = self.unbounded if unbounded is None else unbounded
 
         from scipy.special import ndtri

@@ -1,0 +1,73 @@
+"""The contrast of the bits of captures that are nearly empty because of a high threshold."""
+
+import dataclasses
+from typing import Self
+
+import numpy as np
+
+from jotlight.array_types import Array
+from jotlight.sensing.parameters.binomial import squared_sine
+from jotlight.sensing.parameters.response import detection_density, inverse_detection_probability
+
+_NEARLY_ALL = 0.999
+"""Fraction of the pixels that are darker than the brightest ones."""
+
+_FEW_ONES = 1.0
+"""Expected ones of the brightest pixels at which half of the contrast counts."""
+
+_MIN_PROBABILITY, _MAX_PROBABILITY = 1e-30, 1 - 1e-9
+"""Limits of the probabilities whose contrast is computed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Contrast:
+    """How much more errors vary behind a high threshold than those of the error model.
+
+    With few ones, an estimate is a mean over many pixels. The error model is that of photographs
+    with threshold 1, where the probability p of a one differs between these pixels about as much as
+    the light. Behind a threshold q, it is about the light to the power of q. So the scale of errors
+    is multiplied by the square root of the ratio of both contrasts. With about one 1 or more in the
+    brightest pixels, estimates show the contrast themselves, and held-out bits show the errors.
+    """
+
+    threshold: int
+    weight: float
+    """How much the contrast counts, from 0 to 1."""
+
+    @classmethod
+    def of(cls, threshold: int, z: Array, trials: Array) -> Self:
+        """Return the contrast of bits whose estimate is z, (H, W).
+
+        Examples
+        --------
+        >>> z, trials = np.full((8, 8), 0.25), np.full((8, 8), 16.0)
+        >>> round(Contrast.of(4, z, trials).weight, 2), Contrast.of(1, z, trials).weight
+        (0.51, 0.0)
+        """
+        if threshold == 1:
+            return cls(threshold, 0.0)
+        bright = float(np.quantile(squared_sine(z), _NEARLY_ALL))
+        ones = float(np.median(trials)) * bright
+        return cls(threshold, 1 / (1 + (ones / _FEW_ONES) ** 2))
+
+    def factor(self, z: Array) -> Array | float:
+        """Return the factor of the scale of the errors of z.
+
+        Examples
+        --------
+        >>> Contrast(4, 1.0).factor(np.array([0.001, 0.5])).round(2).tolist()  # at most 2 = √4
+        [1.99, 1.6]
+        >>> Contrast(1, 0.0).factor(np.array([0.001, 0.5]))
+        1.0
+        """
+        if self.weight == 0:
+            return 1.0
+        p = np.clip(squared_sine(z), _MIN_PROBABILITY, _MAX_PROBABILITY)
+        rate = inverse_detection_probability(self.threshold, p, 1 - p)
+        of_bits = rate * detection_density(self.threshold, rate)
+        of_threshold_1 = -np.log1p(-p) * (1 - p)
+        return np.asarray((of_bits / of_threshold_1) ** (self.weight / 2))
+
+
+NO_CONTRAST = Contrast(1, 0.0)
+"""The contrast of bits with threshold 1."""
