@@ -12,7 +12,7 @@ Z = np.array([1e-6, 0.01, 0.3, 1.2])
 
 @pytest.mark.parametrize("threshold", [2, 8, 200])
 def test_the_factor_is_the_ratio_of_logarithmic_slopes(threshold):
-    rates = np.geomspace(0.6 * threshold, 1.3 * threshold, 7)
+    rates = np.geomspace(0.6 * threshold, 1.1 * threshold, 7)
     step = 1e-5
 
     def slope(q, rate):
@@ -22,7 +22,7 @@ def test_the_factor_is_the_ratio_of_logarithmic_slopes(threshold):
     p = detection_probability(threshold, rates)
     ratio = slope(threshold, rates) / slope(1, -np.log1p(-p))
     found = Contrast(threshold, 1.0).factor(np.arcsin(np.sqrt(p)))
-    np.testing.assert_allclose(found, np.sqrt(ratio), rtol=1e-4)
+    np.testing.assert_allclose(found, np.sqrt(ratio), rtol=1e-3)
 
 
 def test_darkness_has_the_power_of_the_threshold():

@@ -1,6 +1,7 @@
 """The contrast of the bits of captures that are nearly empty because of a high threshold."""
 
 import dataclasses
+from functools import cache
 from typing import Self
 
 import numpy as np
@@ -15,8 +16,11 @@ _NEARLY_ALL = 0.999
 _FEW_ONES = 1.0
 """Expected ones of the brightest pixels at which half of the contrast counts."""
 
-_MIN_PROBABILITY, _MAX_PROBABILITY = 1e-30, 1 - 1e-9
-"""Limits of the probabilities whose contrast is computed."""
+_MAX_PROBABILITY = 1 - 1e-9
+"""Largest probability whose contrast is computed."""
+
+_NODES = np.geomspace(1e-15, np.pi / 2, 1025)
+"""Values of z at which the contrast is computed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,11 +66,19 @@ class Contrast:
         """
         if self.weight == 0:
             return 1.0
-        p = np.clip(squared_sine(z), _MIN_PROBABILITY, _MAX_PROBABILITY)
-        rate = inverse_detection_probability(self.threshold, p, 1 - p)
-        of_bits = rate * detection_density(self.threshold, rate)
-        of_threshold_1 = -np.log1p(-p) * (1 - p)
-        return np.asarray((of_bits / of_threshold_1) ** (self.weight / 2))
+        return np.interp(z, _NODES, _ratio_of_slopes(self.threshold) ** (self.weight / 2))
+
+
+@cache
+def _ratio_of_slopes(threshold: int) -> Array:
+    """Return the derivative of log p by the logarithm of the rate, relative to threshold 1.
+
+    It is computed at some z. The contrast at others is interpolated.
+    """
+    p = np.minimum(squared_sine(_NODES), _MAX_PROBABILITY)
+    rate = inverse_detection_probability(threshold, p, 1 - p)
+    of_threshold_1 = -np.log1p(-p) * (1 - p)
+    return np.asarray(rate * detection_density(threshold, rate) / of_threshold_1)
 
 
 NO_CONTRAST = Contrast(1, 0.0)
