@@ -4,9 +4,9 @@ The scores of readings are the derivatives of their log-likelihoods at the true 
 determines the estimate: it is the light at which this sum is expected. For equal bits, this is
 `jotlight.mle` exactly. Otherwise `jotlight.mle` uses the scores at its own estimate. Its error then
 differs by up to 0.6 dB for a few readings, and by less than 0.3 dB for about 64 readings or more.
-For brackets, it differs by up to 2 dB. The error is larger than planned with several bits, read
-noise, and light that does not exceed its error by much: the scores at the estimate then differ much
-from those at the true light (decision 34).
+For brackets, it differs by up to 2 dB. The error is larger with several bits, read noise, and light
+that does not exceed its error by much: the scores at the estimate then differ much from those at
+the true light (decision 34). ``saddle_point`` has the error of equal readings then.
 
 The Cramér-Rao bound does not say this. Where most information comes from rare readings, such as the
 few zeros of nearly saturated bits, a few frames rarely have one, and are far above the bound.
@@ -119,9 +119,12 @@ class PlannedGroup:
         readings = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes) + first[rows]
         return rows, readings, self.jot.probability(readings, self.exposure * levels[rows])
 
-    def scores(self, readings: Integers, level: float) -> Array:
-        """Return the derivatives of the log-likelihoods of readings about a level of light."""
-        light = np.full(readings.size, self.exposure * level)
+    def scores(self, readings: Integers, level: float | Array) -> Array:
+        """Return the derivatives of the log-likelihoods of readings about a level of light.
+
+        The level may differ between readings.
+        """
+        light = np.broadcast_to(self.exposure * np.asarray(level), readings.shape)
         each = dataclasses.replace(self.jot, sample=readings.astype(np.int32)[:, None])
         return self.exposure * each.gradient_and_curvature(light)[0]
 

@@ -1,14 +1,20 @@
 """The expected quality of readings of several bits, or with read noise, before a capture."""
 
+import functools
+
 import numpy as np
 
 from jotlight.array_types import Array
 from jotlight.estimators.planning.planned_estimates import PlannedEstimates, PlannedGroup
+from jotlight.estimators.planning.saddle_point import SaddlePoints
 from jotlight.sensing.likelihood.reference import reference_jot, saturation_rate
 from jotlight.sensing.sensor import Sensor
 
 _MAX_LIGHT = 1e7
 """Maximum light at which saturation is searched."""
+
+_HIGH_RATIO = 10.0
+"""Square of the ratio of light and error from which on the scores at the true light suffice."""
 
 _STEPS = 100
 """Number of bisections of a level of light."""
@@ -36,6 +42,12 @@ class PlannedReadings:
         self._sensor = sensor
         group = PlannedGroup(sensor.jot_response(), self.efficiency, self.dark_counts)
         self._jot, self._estimates = group.jot, PlannedEstimates([group], max_level)
+        self._group = group.limit(max_level)
+        top = float(self._group.levels[-1])
+        self._top = top if self.max_light is None else min(top, self.max_light)
+        self._saddle_points = functools.cache(
+            lambda level: SaddlePoints.of(self._group, level, self._top)
+        )
 
     def bias_and_mse(self, frames: int, levels: Array) -> tuple[Array, Array]:
         """Return the bias and the mean square error of the clipped estimate at each level."""
@@ -43,10 +55,20 @@ class PlannedReadings:
         if max_light is None:
             rate = saturation_rate(self._sensor, number)
             max_light = max(rate - self.dark_counts, 0.0) / self.efficiency
-        errors = [
-            self._estimates.bias_and_mse([number], float(level), max_light) for level in levels
-        ]
+        errors = [self._bias_and_mse(number, float(level), max_light) for level in levels]
         bias, mse = np.transpose(errors)
+        return bias, mse
+
+    def _bias_and_mse(self, number: int, level: float, max_light: float) -> tuple[float, float]:
+        """Return the error at a level of light, from a number of readings.
+
+        With read noise and little light, that of the scores at the true light is too small. With
+        much light, saddle points at a few levels are too coarse, and their error is too small.
+        """
+        bias, mse = self._estimates.bias_and_mse([number], level, max_light)
+        if self._sensor.read_noise and 0 < level**2 < _HIGH_RATIO * mse:
+            others = self._saddle_points(level).bias_and_mse(number, max_light)
+            bias, mse = max((bias, mse), others, key=lambda errors: errors[1])
         return bias, mse
 
     def information(self, levels: Array) -> Array:

@@ -186,10 +186,10 @@ def plan(
     With several bits or read noise, the error is that of a statistic close to the estimate
     (:mod:`jotlight.estimators.planning.planned_estimates`). For fewer than 64 readings, it differs
     from that of `jotlight.mle` by up to 0.6 dB, or by up to 1.5 dB where the SNR is below 0 dB.
-    From 64 readings on, it differs by less than 0.3 dB. With several bits and read noise, it is too
-    small where the SNR (light over error) is low: by up to 0.8 dB from -5 to 5 dB, 1.5 dB from -10
-    to -5 dB, 4.2 dB from -20 to -10 dB, and 9 dB from -32 to -20 dB. Below, at a thousandth of a
-    photon per reading, it is too small by up to 16 dB. For bits with read noise, it is exact.
+    From 64 readings on, it differs by less than 0.3 dB. With read noise and an SNR (light over
+    error) below 10 dB, a saddle-point approximation of the distribution of the estimate
+    (:mod:`jotlight.estimators.planning.saddle_point`) differs by at most 0.3 dB, also for one
+    reading and a thousandth of a photon. For bits with read noise, it is exact.
 
     To find `required_frames`, the search doubles the number of frames and then bisects. Below about
     10 dB, fewer may suffice. Methods that combine neighboring pixels need fewer frames.
