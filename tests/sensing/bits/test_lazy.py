@@ -59,9 +59,13 @@ def test_a_file_that_changed_is_refused(capture):
 def test_copies_in_a_process_share_the_files_that_they_open(capture, monkeypatch):
     monkeypatch.setattr(lazy, "_COPIES", {})
     text = pickle.dumps(lazy.FrameSource(jl.open(capture).packed, "first"))
-    assert pickle.loads(text) is pickle.loads(text)
+    expected = np.asarray(jl.open(capture).packed)
+    np.testing.assert_array_equal(pickle.loads(text)[:], expected)
+    first = lazy._COPIES["first"]
+    np.testing.assert_array_equal(pickle.loads(text)[:], expected)
+    assert lazy._COPIES["first"] is first
     for number in range(4):
-        pickle.loads(pickle.dumps(lazy.FrameSource(jl.open(capture).packed, str(number))))
+        pickle.loads(pickle.dumps(lazy.FrameSource(jl.open(capture).packed, str(number))))[0]
     assert len(lazy._COPIES) == 4
     assert "first" not in lazy._COPIES
 
@@ -132,7 +136,18 @@ def test_copies_of_a_map_map_its_file_again(capture, key, monkeypatch):
     np.save(capture, np.zeros((50, 6, 2), np.uint8))
     monkeypatch.setattr(lazy, "_COPIES", {})
     with pytest.raises(OSError, match=r"capture\.npy: the file has changed"):
-        pickle.loads(content)
+        pickle.loads(content).compute()
+
+
+def test_copies_open_their_files_when_they_are_read(capture, monkeypatch):
+    # An error while a message is unpickled would end a worker of dask, and not its task.
+    monkeypatch.setattr(lazy, "_COPIES", {})
+    text = pickle.dumps(jl.dask.count(jl.open(capture), window=5))
+    capture.unlink()
+    again = pickle.loads(pickle.dumps(pickle.loads(text)))
+    assert again.shape == (10, 6, 13)
+    with pytest.raises(FileNotFoundError, match=r"capture\.npy"):
+        again.compute(scheduler="sync")
 
 
 @pytest.mark.parametrize("mode", ["r+", "c"])

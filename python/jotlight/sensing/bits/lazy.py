@@ -1,5 +1,6 @@
 """Packed bits as lazy arrays of dask, whose chunks the workers read from the files themselves."""
 
+import dataclasses
 import functools
 import math
 import mmap
@@ -170,7 +171,9 @@ def _parse_bytes(text: str) -> int:
 class FrameSource:
     """Frames in files, as dask reads them. A copy in another process opens the files again.
 
-    A copy of frames without a name is an array of them.
+    It opens them when it reads the first frames. dask makes copies in its schedulers, which need
+    not see the files, and where workers receive messages: an error there would end the worker. A
+    copy of frames without a name is an array of them.
 
     Parameters
     ----------
@@ -185,20 +188,24 @@ class FrameSource:
     [[[7, 7, 7]], [[7, 7, 7]]]
     """
 
-    def __init__(self, frames: Frames, name: str | None = None) -> None:
+    def __init__(self, frames: "Frames | _UnopenedFrames", name: str | None = None) -> None:
         self.frames, self.name = frames, name
-        self.shape, self.dtype, self.ndim = frames.shape, frames.dtype, frames.ndim
+        self.shape, self.dtype, self.ndim = frames.shape, frames.dtype, len(frames.shape)
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.name is None:
             return np.asarray, (np.asarray(self.frames),)
-        return _copy, (self.name, *self.frames.__reduce__())
+        frames = self.frames
+        if isinstance(frames, Frames):
+            again = frames.__reduce__()
+            frames = _UnopenedFrames(self.name, frames.shape, frames.dtype, *again)
+        return FrameSource, (frames, self.name)
 
     def __getitem__(self, key: Any) -> npt.NDArray[np.uint8]:
         first, *rest = key if isinstance(key, tuple) else (key,)
         if isinstance(first, int | np.integer):
             return np.asarray(self.frames.map(int(first), int(first) + 1)[(0, *rest)])
-        indices = range(*first.indices(len(self.frames)))
+        indices = range(*first.indices(self.shape[0]))
         if len(indices) == 0:
             return np.empty((0, *self.shape[1:]), self.dtype)[(slice(None), *rest)]
         low = min(indices[0], indices[-1])
@@ -206,17 +213,37 @@ class FrameSource:
         return part[(slice(None, None, indices.step), *rest)]
 
 
-_COPIES: dict[str, FrameSource] = {}
-"""The copies that this process used last."""
+@dataclasses.dataclass(frozen=True)
+class _UnopenedFrames:
+    """Frames of a copy, whose files are opened when they are read."""
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    open_again: Callable[..., Frames]
+    arguments: tuple[Any, ...]
+
+    def map(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return the frames from `start` to `stop`, as a view of the file if possible.
+
+        Raises
+        ------
+        OSError, ValueError
+            When a file cannot be opened, or has changed.
+        """
+        return self._opened().map(start, stop)
+
+    def _opened(self) -> Frames:
+        """Return the frames of this name that the process has opened, or open them."""
+        frames = _COPIES.pop(self.name, None) or self.open_again(*self.arguments)
+        _COPIES[self.name] = frames
+        for old in list(_COPIES)[:-_KEPT]:
+            _COPIES.pop(old, None)
+        return frames
 
 
-def _copy(name: str, open_again: Callable[..., Frames], arguments: tuple[Any, ...]) -> FrameSource:
-    """Return the copy of this name, whose files are opened unless they are open already."""
-    source = _COPIES.pop(name, None) or FrameSource(open_again(*arguments), name)
-    _COPIES[name] = source
-    for old in list(_COPIES)[:-_KEPT]:
-        _COPIES.pop(old, None)
-    return source
+_COPIES: dict[str, Frames] = {}
+"""The frames of the copies that this process used last."""
 
 
 def _name(frames: Frames) -> str | None:
