@@ -1,8 +1,10 @@
+import errno
 import os
 
 import numpy as np
 import pytest
 
+from folders import size_limit
 from jotlight.dask.image_files import ImageFiles, write_image
 
 
@@ -12,6 +14,17 @@ def files(tmp_path):
     for index in (0, 12):
         write_image(files.path(index), np.full((3, 4), index, np.float32))
     return files
+
+
+@pytest.mark.parametrize("size", [0, 30, 50])
+def test_a_failed_write_states_its_reason(tmp_path, size):
+    pytest.importorskip("resource", reason="needs limits of the operating system")
+    with size_limit(size), pytest.raises(OSError, match="File too large") as raised:
+        write_image(tmp_path / "c.0.0.0", np.zeros((3, 4), np.float32))
+    assert (raised.value.errno, raised.value.filename) == (
+        errno.EFBIG,
+        str(tmp_path / "c.0.0.0"),
+    )
 
 
 def test_only_images_of_the_array_are_found(files):

@@ -1,7 +1,6 @@
 """Files of the images of a video. Each ends in its CRC-32C, as the chunks of zarr arrays may."""
 
 import dataclasses
-import errno
 import itertools
 import math
 import os
@@ -40,10 +39,14 @@ def write_image(path: Path, image: npt.NDArray[Any]) -> None:
     import google_crc32c
 
     data: Any = image.reshape(-1).view(np.uint8)
+    checksum = google_crc32c.value(data).to_bytes(_CHECKSUM_BYTES, "little")
     with path.open("wb", buffering=0) as file:
-        for content in (data, google_crc32c.value(data).to_bytes(_CHECKSUM_BYTES, "little")):
-            if file.write(content) != len(content):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        try:
+            for left in (memoryview(data), memoryview(checksum)):
+                while len(left) > 0:  # if a part was written, the next write states the reason
+                    left = left[file.write(left) :]
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(path)) from error
         if hasattr(os, "posix_fadvise"):
             # Linux then begins to write the image, and later waits less for the disk.
             os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
