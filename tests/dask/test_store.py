@@ -1,5 +1,7 @@
+import contextlib
 import errno
 import json
+import os
 import shutil
 
 import numpy as np
@@ -117,6 +119,45 @@ def test_another_process_may_finish_first(tmp_path, monkeypatch):
     store.finish()
     assert store.is_complete()
     assert not store.part.exists()
+
+
+def test_another_process_adds_nothing_to_a_video_that_is_complete(tmp_path, monkeypatch):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    remove = os.rmdir
+
+    def remove_while_another_process_writes(name, **options):
+        with contextlib.suppress(FileNotFoundError):
+            (store.part / "image").touch()
+        remove(name, **options)
+
+    monkeypatch.setattr("os.rmdir", remove_while_another_process_writes)
+    store.finish()
+    assert file_names(tmp_path) == ["v.zarr"]
+    with pytest.raises(FileNotFoundError):
+        store.write_image(0, np.zeros(store.shape[1:], store.dtype))
+    assert file_names(tmp_path) == ["v.zarr"]
+
+
+def test_another_process_may_finish_while_its_folder_is_read(tmp_path, monkeypatch):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    read = module.read_json
+
+    def finish_first(path):
+        monkeypatch.setattr(module, "read_json", read)
+        store.finish()
+        return read(path)
+
+    monkeypatch.setattr(module, "read_json", finish_first)
+    assert store.is_complete()
+
+
+def test_an_unfinished_video_without_its_description_is_refused(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    store.part.mkdir()
+    with pytest.raises(ValueError, match=r"expected a file run\.json in it; delete it to make"):
+        store.is_complete()
 
 
 def test_equal_process_ids_do_not_share_a_temporary_folder(tmp_path, monkeypatch):

@@ -8,13 +8,14 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.files import flush_to_disk
 from jotlight.formats.files.safe_paths import check_inside
+from jotlight.formats.zarr.writing import import_zarr
 
 _CHECKSUM_BYTES = 4
 
@@ -121,6 +122,50 @@ class ImageFiles:
                 if entry.is_file() and entry.stat().st_size == self.nbytes + _CHECKSUM_BYTES:
                     found.add(int(match[1]))
         return found
+
+    def describe(self, attributes: dict[str, Any]) -> bytes:
+        """Return the content of the `zarr.json` of the array."""
+        zarr = import_zarr()
+        files: dict[str, Any] = {}
+        zarr.create_array(
+            zarr.storage.MemoryStore(files),
+            shape=self.shape,
+            chunks=(1, *self.shape[1:]),
+            dtype=self.dtype,
+            compressors=[zarr.codecs.Crc32cCodec()],
+            attributes=attributes,
+            # Folders for the rows and columns of each image would take as long as counting it.
+            chunk_key_encoding={"name": "default", "separator": "."},
+        )
+        return bytes(files["zarr.json"].to_bytes())
+
+    def check_sizes(self) -> None:
+        """Raise ValueError unless each image of the array has a file of its size."""
+        found = self.find()
+        if missing := self.shape[0] - len(found):
+            example = next(index for index in range(self.shape[0]) if index not in found)
+            self._refuse(missing, example, "are missing or incomplete")
+
+    def check_checksums(self, progress: Callable[[float], object]) -> None:
+        """Raise ValueError unless each image of the array matches its checksum.
+
+        `progress` is called repeatedly with the completed fraction, from 0 to 1.
+        """
+        self.check_sizes()
+        number, damaged = self.shape[0], []
+        for index, intact in enumerate(self.are_intact(range(number))):
+            if not intact:
+                damaged.append(index)
+            progress((index + 1) / number)
+        if damaged:
+            self._refuse(len(damaged), damaged[0], "do not match their checksums")
+
+    def _refuse(self, number: int, example: int, reason: str) -> NoReturn:
+        """Raise ValueError because there is a reason to refuse a number of images."""
+        raise ValueError(
+            f"{self.folder}: {number} of its {self.shape[0]} images {reason}, such as "
+            f"{self.path(example).name}; restore it from a copy, or delete it to make it again"
+        )
 
     def are_intact(self, indices: Iterable[int]) -> Iterator[bool]:
         """Yield whether each of some images matches its checksum."""

@@ -14,12 +14,11 @@ import contextlib
 import dataclasses
 import json
 import math
-import shutil
 import uuid
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +34,6 @@ from jotlight.files import (
     write_file,
 )
 from jotlight.formats.files.safe_paths import check_inside
-from jotlight.formats.zarr.writing import import_zarr
 from jotlight.temporary_names import reserve_temporary
 
 PART = ".part"
@@ -100,39 +98,29 @@ class VideoStore:
             check_same_run(self.path, read_record(self.path).get("run"), self.run)
             self.check_files()
             return True
-        if self.part.exists():
+        if not self.part.exists():
+            return False
+        try:
             stored = read_json(check_inside(self.part / "run.json", self.part))
-            check_same_run(self.part, stored.get("run"), self.run)
+        except FileNotFoundError as error:
+            if not self.part.exists():  # another process has completed the video meanwhile
+                return self.is_complete()
+            raise ValueError(
+                f"{self.part}: expected a file run.json in it; delete it to make the video again"
+            ) from error
+        check_same_run(self.part, stored.get("run"), self.run)
         return False
 
     def check_files(self) -> None:
         """Raise ValueError unless each image of the finished array has a file of its size."""
-        found = self._files(self.path).find()
-        if missing := self.shape[0] - len(found):
-            example = next(index for index in range(self.shape[0]) if index not in found)
-            self._refuse_images(missing, example, "are missing or incomplete")
+        self._files(self.path).check_sizes()
 
     def check_images(self, progress: Callable[[float], object] = lambda fraction: None) -> None:
         """Raise ValueError unless each image of the finished array matches its checksum.
 
         `progress` is called repeatedly with the completed fraction, from 0 to 1.
         """
-        self.check_files()
-        number, damaged = self.shape[0], []
-        for index, intact in enumerate(self._files(self.path).are_intact(range(number))):
-            if not intact:
-                damaged.append(index)
-            progress((index + 1) / number)
-        if damaged:
-            self._refuse_images(len(damaged), damaged[0], "do not match their checksums")
-
-    def _refuse_images(self, number: int, example: int, reason: str) -> NoReturn:
-        """Raise ValueError because there is a reason to refuse a number of images."""
-        name = self._files(self.path).path(example).name
-        raise ValueError(
-            f"{self.path}: {number} of its {self.shape[0]} images {reason}, such as {name}; "
-            "restore it from a copy, or delete it to make it again"
-        )
+        self._files(self.path).check_checksums(progress)
 
     def resumed(self) -> "VideoStore":
         """Return the store with the size of the groups with which the same run began it."""
@@ -173,36 +161,33 @@ class VideoStore:
     def _create_in(self, temporary: Path) -> None:
         """Create the array, and the files that describe it, in a new folder."""
         (temporary / "groups").mkdir()
-        self._create_array(temporary / "video.zarr", {})
+        (temporary / "video.zarr").mkdir()
+        description = self._files(temporary / "video.zarr").describe({})
+        write_file(temporary / "video.zarr" / "zarr.json", description, output=self.path)
         content = {"run": self.run, "group": self.group, "shape": list(self.shape)}
         write_file(temporary / "run.json", json.dumps(content, indent=1), output=self.path)
 
-    def _create_array(self, folder: Path, attributes: Record) -> None:
-        """Create an array of which no image is written."""
-        zarr = import_zarr()
-        zarr.create_array(
-            str(folder),
-            shape=self.shape,
-            chunks=(1, *self.shape[1:]),
-            dtype=self.dtype,
-            compressors=[zarr.codecs.Crc32cCodec()],
-            attributes=attributes,
-            # Folders for the rows and columns of each image would take as long as counting it.
-            chunk_key_encoding={"name": "default", "separator": "."},
-        )
-
     def write_image(self, index: int, image: npt.NDArray[Any]) -> None:
-        """Write an image. Its file is a chunk of the array.
-
-        The file gets its name when it is whole, so another process that computes the same image,
-        or completes the array, never finds a part of it.
-        """
-        temporary = self.part / f"image-{uuid.uuid4().hex}"
+        """Write an image. Its file is a chunk of the array."""
         content = np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<"))
-        with explained_failure(self.path, temporary), contextlib.ExitStack() as stack:
-            stack.callback(temporary.unlink, missing_ok=True)  # it would keep a full disk full
+        with self._temporary_file() as temporary:
             write_image(temporary, content)
             temporary.replace(self._files(self._array()).path(index))
+
+    @contextlib.contextmanager
+    def _temporary_file(self) -> Iterator[Path]:
+        """Yield the path of a new file, which the block renames into the array when it is whole.
+
+        So another process that writes the same file, or completes the array, never finds a part of
+        it.
+        """
+        temporary = self.part / uuid.uuid4().hex
+        try:
+            with explained_failure(self.path, temporary):
+                yield temporary
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
 
     def _array(self) -> Path:
         """Return the unfinished array. Its folder may come from a stranger."""
@@ -254,7 +239,7 @@ class VideoStore:
             When a group is missing or damaged, or a file cannot be written.
         """
         if self.is_complete():
-            shutil.rmtree(self.part, ignore_errors=True)
+            self._delete_part()
             return
         self._check_folders()
         if missing := self.groups - len(self.markers.done()):
@@ -270,15 +255,22 @@ class VideoStore:
             if not self.is_complete():  # another process was faster, with the same run
                 raise
         flush_to_disk(self.path.parent)
-        shutil.rmtree(self.part, ignore_errors=True)
+        self._delete_part()
+
+    def _delete_part(self) -> None:
+        """Delete the folder of the unfinished video.
+
+        It loses its name first, so that no other process with the same run adds files to it.
+        """
+        with contextlib.suppress(OSError), reserve_temporary(self.part) as temporary:
+            self.part.rename(temporary)
 
     def _write_record(self, record: Record, array: Path) -> None:
         """Replace the description of an array by one that has a record as an attribute."""
-        temporary = self.part / f"array-{uuid.uuid4().hex}"
-        with explained_failure(self.path, temporary):
-            self._create_array(temporary, {ATTRIBUTE: record})
-            flush_to_disk(temporary / "zarr.json")
-            (temporary / "zarr.json").replace(array / "zarr.json")
+        with self._temporary_file() as temporary:
+            temporary.write_bytes(self._files(array).describe({ATTRIBUTE: record}))
+            flush_to_disk(temporary)
+            temporary.replace(array / "zarr.json")
 
     def _checked_facts(self, array: Path) -> list[Record]:
         """Return the facts of all groups, after comparing the checksum of each image."""
