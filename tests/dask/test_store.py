@@ -225,8 +225,12 @@ def test_an_image_that_was_damaged_before_the_end_is_made_again(tmp_path):
 def test_other_folders_and_files_are_refused(tmp_path):
     path = tmp_path / "v.zarr"
     zarr.create_array(str(path), shape=(3,), dtype="u1")
-    with pytest.raises(AnotherRunError, match="not the result of such a run"):
-        store_at(path).is_complete()
+    (tmp_path / "empty.zarr").mkdir()
+    (tmp_path / "link.zarr").symlink_to("empty.zarr")
+    (tmp_path / "file.zarr").touch()
+    for name in ("v.zarr", "empty.zarr", "link.zarr", "file.zarr"):
+        with pytest.raises(AnotherRunError, match="not the result of such a run"):
+            store_at(tmp_path / name).resumed().is_complete()
 
 
 @pytest.mark.parametrize(
@@ -250,13 +254,27 @@ def test_damaged_unfinished_stores_are_refused(tmp_path, content):
 
 def test_a_run_continues_with_the_groups_it_began_with(tmp_path):
     store = store_at(tmp_path / "v.zarr")
-    assert store.resumed() is store
+    assert store.resumed() == store
     store.create()
     stored = json.loads((tmp_path / "v.zarr.part" / "run.json").read_text())
     assert stored == {"run": RUN, "group": 2, "shape": [5, 3, 4]}
     assert store_at(tmp_path / "v.zarr", group=3).resumed() == store
     other = store_at(tmp_path / "v.zarr", {**RUN, "method": "x"})
-    assert other.resumed() is other
+    assert other.resumed() == other
+
+
+def test_a_link_is_followed_before_the_work(tmp_path):
+    (tmp_path / "v.zarr").symlink_to("other/real.zarr")
+    store = store_at(tmp_path / "v.zarr").resumed()
+    fill(store, [0])
+    assert store_at(tmp_path / "v.zarr", group=3).resumed() == store
+    fill(store, [1, 2])
+    store.finish()
+    assert (tmp_path / "v.zarr").is_symlink()
+    assert zarr.open_array(str(tmp_path / "v.zarr"), mode="r").shape == store.shape
+    assert file_names(tmp_path) == ["other", "v.zarr"]
+    assert file_names(tmp_path / "other") == ["real.zarr"]
+    assert store_at(tmp_path / "v.zarr").resumed().is_complete()
 
 
 def test_another_process_never_finds_a_part_of_an_image(tmp_path, monkeypatch):

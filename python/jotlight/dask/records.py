@@ -32,7 +32,8 @@ def read_record(path: Path) -> Record:
     OSError, ValueError
         When its description cannot be read.
     """
-    attributes = read_json(path / "zarr.json").get("attributes", {})
+    description = path / "zarr.json"
+    attributes = read_json(description).get("attributes") if description.is_file() else None
     record = attributes.get(ATTRIBUTE) if isinstance(attributes, dict) else None
     return record if isinstance(record, dict) else {}
 

@@ -34,6 +34,7 @@ from jotlight.files import (
     write_file,
 )
 from jotlight.formats.files.safe_paths import check_inside
+from jotlight.output_links import follow_link
 from jotlight.temporary_names import reserve_temporary
 
 PART = ".part"
@@ -123,12 +124,16 @@ class VideoStore:
         self._files(self.path).check_checksums(progress)
 
     def resumed(self) -> "VideoStore":
-        """Return the store with the size of the groups with which the same run began it."""
-        if not self.path.exists() and (self.part / "run.json").exists():
-            begun = open_unfinished(self.part)
+        """Return the store with the size of the groups with which the same run began it.
+
+        If the path is a symbolic link, the store lies where it leads.
+        """
+        store = dataclasses.replace(self, path=follow_link(self.path))
+        if not store.path.exists() and (store.part / "run.json").exists():
+            begun = open_unfinished(store.part)
             if (begun.run, begun.shape) == (self.run, self.shape):
                 return begun
-        return self
+        return store
 
     def create(self) -> None:
         """Create the unfinished array, unless it exists. Several processes may do so at once.
