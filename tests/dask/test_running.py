@@ -72,7 +72,9 @@ def test_a_damaged_capture_does_not_stop_the_others(tmp_path):
     assert jobs[1].finished == 0
 
 
-@pytest.mark.parametrize("error", [FileNotFoundError("gone"), ValueError("damaged")])
+@pytest.mark.parametrize(
+    "error", [FileNotFoundError("gone"), FileExistsError("whole"), ValueError("damaged")]
+)
 @pytest.mark.parametrize("place", ["compute", "finish"])
 def test_a_result_that_another_process_completes_meanwhile_is_no_failure(tmp_path, error, place):
     class LateJob(FakeJob):

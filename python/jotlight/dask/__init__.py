@@ -20,6 +20,7 @@ In reading order:
   ``capture_source``: a capture, as each of them opens it.
   ``cluster``, ``preload``: workers on this machine, or a scheduler. ``gathering``: the parts of a
   job array.
+- ``results``: results with a record beside them, and whether they are complete.
 - ``store``, ``image_files``, ``markers``, ``records``: results in zarr arrays, the files of their
   images, which groups of them are complete, and what they were made of.
 """

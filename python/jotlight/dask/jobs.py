@@ -6,7 +6,7 @@ its results itself, and can be repeated.
 
 import dataclasses
 import json
-import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,18 +15,20 @@ import numpy as np
 from jotlight._engine import __version__
 from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.estimator import Estimator
-from jotlight.dask.records import Record, check_same_run, read_json
+from jotlight.dask.records import Record, read_json
+from jotlight.dask.results import RecordedResult, measure
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
 from jotlight.evaluation.records.records import tone_facts
-from jotlight.files import atomic_write_together, create_parent, write_file
+from jotlight.files import atomic_write_together, write_file
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.frames.checked_reading import with_checksum
+from jotlight.formats.npy.description import companion_files
 from jotlight.formats.writing import write_capture
 from jotlight.images.exposure import display_tone
 from jotlight.images.io import DISPLAYED, image_writer
-from jotlight.output_links import name_beside
+from jotlight.output_links import follow_link, name_beside
 from jotlight.sensing.bits.bits import Bits
 
 
@@ -50,7 +52,10 @@ class Job(Protocol):
         """Whether one unit makes the whole result."""
 
     def is_complete(self) -> bool:
-        """Return whether the result exists. Raise ValueError if it is that of another run."""
+        """Return whether the result exists, as a whole.
+
+        Raise ValueError if it is that of another run, or a part of it is missing.
+        """
 
     def prepare(self) -> list[int]:
         """Create what the units write to, and return the numbers of the units to compute."""
@@ -59,7 +64,7 @@ class Job(Protocol):
         """Compute a unit and write its results."""
 
     def finish(self) -> None:
-        """Complete the result after all units."""
+        """Complete the result after all units, or raise an error if it is not there."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,7 +124,7 @@ class VideoJob:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ImageJob:
+class ImageJob(RecordedResult):
     """One estimate of a whole capture, as an image with a record beside it."""
 
     name: str
@@ -138,26 +143,13 @@ class ImageJob:
     """White of a .png or .jpg. None if the image decides it."""
 
     @property
-    def is_single(self) -> bool:
-        """True: one part makes the file."""
-        return True
-
-    @property
     def record(self) -> Path:
         """The record beside the image."""
         return name_beside(self.output, ".json")
 
-    def is_complete(self) -> bool:
-        """Return whether the image and its record exist."""
-        return _is_complete(self.output, self.record, self.run)
-
-    def prepare(self) -> list[int]:
-        """Return the only unit."""
-        create_parent(self.output)
-        return [0]
-
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
         """Count the frames, estimate the image, and write it with its record."""
+        self.refuse_complete()
         spans = Spans(self.frames, self.frames, 1)
         counter = WindowCounter(
             self.capture.open(), spans, self.oversampling, threads, mapped=mapped
@@ -180,15 +172,14 @@ class ImageJob:
         write = image_writer(self.output, depth=self.depth, note={"jotlight": record})
         with atomic_write_together([self.output], [self.record]) as (file, text):
             write(file, image)
-            content = {"format": "jotlight image", **record, "sha256": file_checksum(file)}
+            facts = {"sha256": file_checksum(file), "output": measure(file)}
+            content = {"format": "jotlight image", **record, **facts}
             write_file(text, json.dumps(content, indent=1))
-
-    def finish(self) -> None:
-        """Do nothing: the image is complete."""
+            self.refuse_complete()
 
 
 @dataclasses.dataclass(frozen=True)
-class ConversionJob:
+class ConversionJob(RecordedResult):
     """A capture in another format, with a record beside it."""
 
     name: str
@@ -199,37 +190,40 @@ class ConversionJob:
     nbytes: int
 
     @property
-    def is_single(self) -> bool:
-        """True: one part makes the file."""
-        return True
-
-    @property
     def record(self) -> Path:
         """The record beside the copy."""
         return conversion_record(self.output)
 
-    def is_complete(self) -> bool:
-        """Return whether the copy and its complete record exist."""
-        exists = _is_complete(self.output, self.record, self.run)
-        return exists and "input" in read_json(self.record)
-
-    def prepare(self) -> list[int]:
-        """Return the only unit."""
-        create_parent(self.output)
-        return [0]
+    @property
+    def beside(self) -> Iterable[Path]:
+        """The description of a .npy, and its maps."""
+        is_npy = self.format in ("npy", "npy.gz")
+        return companion_files(follow_link(self.output)) if is_npy else ()
 
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
         """Convert the capture, which must match its checksums, and write the record."""
-        write_file(self.record, json.dumps({"run": self.run}, indent=1), output=self.output)
-        if self.output.is_dir():  # of the same run, which was killed before it wrote the record
-            shutil.rmtree(self.output)
+        self.refuse_complete()
+        self._begin_record()
         bits, checksum = with_checksum(self.capture.open())
         assert isinstance(bits, Bits), "bits"
-        write_capture(bits, self.output, self.format)
-        write_file(self.record, conversion_text(self.run, *checksum()), output=self.output)
+        try:
+            write_capture(bits, self.output, self.format)
+        except OSError:
+            # A folder that exists is whole: a process with the same run has written it. It may have
+            # been killed before it completed the record.
+            if not self.output.is_dir():
+                raise
+        text = conversion_text(self.run, *checksum(), output=measure(self.output, self.beside))
+        self.refuse_complete()
+        write_file(self.record, text, output=self.output)
 
-    def finish(self) -> None:
-        """Do nothing: the copy is complete."""
+    def _begin_record(self) -> None:
+        """Write the run into the record, before the copy and its size are known.
+
+        So a copy whose process was killed before it completed the record is that of this run.
+        """
+        if not self.record.exists() or read_json(self.record).get("run") != self.run:
+            write_file(self.record, json.dumps({"run": self.run}, indent=1), output=self.output)
 
 
 def conversion_record(output: Path) -> Path:
@@ -237,23 +231,15 @@ def conversion_record(output: Path) -> Path:
     return name_beside(output, ".run.json")
 
 
-def conversion_text(run: Record, size: int, checksum: int, content: str = "packed") -> str:
+def conversion_text(
+    run: Record, size: int, checksum: int, content: str = "packed", **facts: Any
+) -> str:
     """Return the record of a complete copy, with the size and the CRC-32 of the frames.
 
     `content` is "packed" for packed bits, or "counts".
     """
     read = {f"{content}_bytes": size, f"{content}_crc32": f"{checksum:08x}"}
-    return json.dumps({"run": run, "input": read}, indent=1)
-
-
-def _is_complete(output: Path, record: Path, run: Record) -> bool:
-    if record.exists():
-        stored = read_json(record).get("run")
-        check_same_run(record if stored is None else output, stored, run, record)
-        return output.exists()
-    if output.exists():
-        check_same_run(output, None, run)
-    return False
+    return json.dumps({"run": run, "input": read, **facts}, indent=1)
 
 
 def run_record(
