@@ -48,7 +48,7 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     MissingExtraError
         When dask is not installed.
     OSError
-        When nothing listens at the address.
+        When nothing listens at the address, or a worker ends while it starts.
     ValueError
         When a worker has another version of jotlight, or the number of workers is below 1.
     """
@@ -87,14 +87,7 @@ def _local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
         stack.callback(gc.collect)
         # A cluster that is half started, or half closed, could not be closed.
         with hold_signals(), _ctrl_c_kept_from_children():
-            cluster = stack.enter_context(
-                distributed.LocalCluster(
-                    n_workers=workers,
-                    threads_per_worker=1,
-                    dashboard_address=":0",
-                    silence_logs=logging.CRITICAL,
-                )
-            )
+            cluster = stack.enter_context(_start(distributed, workers))
         client = stack.enter_context(distributed.Client(cluster))
         stack.enter_context(_replaced(cluster, workers))
         try:
@@ -102,6 +95,28 @@ def _local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
         finally:
             with hold_signals():
                 stack.close()
+
+
+def _start(distributed: Any, workers: int) -> Any:
+    """Return a cluster of workers on this machine.
+
+    Raises
+    ------
+    OSError
+        When a worker ends while it starts.
+    """
+    try:
+        return distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            silence_logs=logging.CRITICAL,
+        )
+    except RuntimeError as error:
+        raise OSError(
+            f"workers: one of {workers} ended while it started, for example because the system "
+            "killed it when memory was short; repeat the command, or use fewer workers"
+        ) from error
 
 
 @contextlib.contextmanager
