@@ -127,3 +127,26 @@ def test_a_source_with_fewer_frames_than_its_chunk_is_refused():
 def test_zero_is_not_a_default(options):
     with pytest.raises(ValueError, match="expected"):
         jl.dask.count(random_bits(8), 4, **options)
+
+
+@pytest.mark.parametrize("width", ["24", 24.0, True])
+def test_a_width_is_a_whole_number(width):
+    for x in (random_bits(8), random_bits(8).to_dask(4)):
+        with pytest.raises(TypeError, match="width: expected a whole number"):
+            jl.dask.count(x, 4, width=width)
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda x: jl.dask.count(x, 4, width=24),
+        lambda x: jl.dask.reconstruct(x, jl.Sensor(frames=8), width=24),
+        lambda x: jl.dask.calibrate(x, width=24),
+    ],
+)
+def test_chunks_of_unknown_size_are_refused(use):
+    x = random_bits(8).to_dask(4)
+    selected = x[x[:, 0, 0] >= 0]
+    with pytest.raises(ValueError, match=r"got unknown ones, .*; x\.compute_chunk_sizes\(\)"):
+        use(selected)
+    use(selected.compute_chunk_sizes())

@@ -7,12 +7,14 @@ workers, never frames.
 
 import dataclasses
 import itertools
+import math
 import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jotlight._engine import __version__
+from jotlight.checks import whole_number
 from jotlight.chunks import windows
 from jotlight.dask.chunk_counting import PART_BYTES, count_pieces, image_shape
 from jotlight.dask.spans import Spans
@@ -176,6 +178,7 @@ def width_in_jots(x: "Bits | dask.array.Array", width: int | None) -> int:
         When `x` is no lazy array of packed bits in whole frames, its width is not stated, or the
         stated one is not that of bits.
     """
+    width = None if width is None else whole_number("width", width, 1)
     if isinstance(x, Bits):
         if width not in (None, x.width):
             raise ValueError(f"width: expected {x.width}, that of the bits, got {width}")
@@ -210,6 +213,11 @@ def check_packed_array(x: Any) -> None:
         raise TypeError(
             f"x: expected jotlight.Bits, or a dask array of packed bits in uint8, got {kind}; "
             f"{advice}"
+        )
+    if any(map(math.isnan, x.shape)):
+        raise ValueError(
+            "x: expected chunks of known size, got unknown ones, such as those of a selection; "
+            "x.compute_chunk_sizes() counts their frames"
         )
     if x.ndim not in (3, 4) or 0 in x.shape:
         raise ValueError(
