@@ -308,6 +308,17 @@ def test_the_command_runs_on_a_scheduler_whose_workers_are_in_another_folder(
     assert content(tmp_path / "video.zarr") == expected
 
 
+def test_an_unreadable_file_is_an_error_of_lazy_arrays_and_ends_no_worker(capture, tmp_path):
+    path = tmp_path / "capture.npy"
+    path.write_bytes(capture.read_bytes())
+    with connected(None, 1) as client:
+        counts = jl.dask.count(jl.open(path), 40)
+        path.unlink()
+        with pytest.raises(FileNotFoundError, match=r"capture\.npy"):
+            client.compute(counts.sum()).result(timeout=60)
+        assert len(client.nthreads()) == 1
+
+
 def test_warnings_of_workers_are_issued_by_the_command(tmp_path, capfd):
     mask = np.zeros((8, 9), bool)
     mask[3, 4] = True

@@ -1,6 +1,8 @@
 import pickle
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -137,6 +139,22 @@ def test_copies_of_a_map_map_its_file_again(capture, key, monkeypatch):
     monkeypatch.setattr(lazy, "_COPIES", {})
     with pytest.raises(OSError, match=r"capture\.npy: the file has changed"):
         pickle.loads(content).compute()
+
+
+def test_threads_open_the_files_of_their_copies_once(monkeypatch):
+    monkeypatch.setattr(lazy, "_COPIES", {})
+    opened = []
+
+    def open_slowly():
+        opened.append(1)
+        time.sleep(0.01)
+        return Frames((10, 2, 3), lambda a, b: np.full((b - a, 2, 3), 7, np.uint8))
+
+    frames = lazy._UnopenedFrames("a", (10, 2, 3), np.dtype(np.uint8), open_slowly, ())
+    with ThreadPoolExecutor(4) as threads:
+        parts = list(threads.map(lambda start: frames.map(start, start + 1), range(8)))
+    assert np.array(parts).shape == (8, 1, 2, 3)
+    assert len(opened) == 1
 
 
 def test_copies_open_their_files_when_they_are_read(capture, monkeypatch):

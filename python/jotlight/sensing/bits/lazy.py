@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import math
 import mmap
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -235,15 +236,18 @@ class _UnopenedFrames:
 
     def _opened(self) -> Frames:
         """Return the frames of this name that the process has opened, or open them."""
-        frames = _COPIES.pop(self.name, None) or self.open_again(*self.arguments)
-        _COPIES[self.name] = frames
-        for old in list(_COPIES)[:-_KEPT]:
-            _COPIES.pop(old, None)
+        with _OPENING:  # so that the threads of a worker open each file once
+            frames = _COPIES.pop(self.name, None) or self.open_again(*self.arguments)
+            _COPIES[self.name] = frames
+            for old in list(_COPIES)[:-_KEPT]:
+                del _COPIES[old]
         return frames
 
 
 _COPIES: dict[str, Frames] = {}
 """The frames of the copies that this process used last."""
+
+_OPENING = threading.Lock()
 
 
 def _name(frames: Frames) -> str | None:
