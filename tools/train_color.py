@@ -21,10 +21,10 @@ from rounding import round_layers
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.planes.color_planes import PLANES
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE, pretrained_color
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training import ColorDrawings, ColorPatches, PatchMixture, random_mosaic

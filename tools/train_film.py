@@ -30,10 +30,10 @@ from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.metrics import psnr
 from jotlight.motion.films.estimates import displaced
 from jotlight.networks.conditioning import conditioning_weights
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.planes.film_planes import START, Counts, film_planes, usual_trials
+from jotlight.networks.planes_network import FilmNetwork
 from jotlight.networks.pretrained import FILM_FILE, FILM_START, FOLDER
 from jotlight.sensing.likelihood.reference import response_of
 from jotlight.sensing.parameters.binomial import arcsin_root

@@ -52,10 +52,10 @@ from .motion.films.image import FilmImage as FilmImage
 from .motion.films.live_film import LiveFilm as LiveFilm
 from .motion.merge import merge as merge
 from .motion.motion import Motion as Motion
-from .networks.color_network import ColorNetwork as ColorNetwork
-from .networks.film_network import FilmNetwork as FilmNetwork
 from .networks.layer import Layer as Layer
 from .networks.network import Network as Network
+from .networks.planes_network import ColorNetwork as ColorNetwork
+from .networks.planes_network import FilmNetwork as FilmNetwork
 from .networks.pretrained import pretrained as pretrained
 from .sensing.bits.bits import Bits as Bits
 from .sensing.bits.readings import Readings as Readings

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.networks.pretrained import MOSAIC_FILE
 from jotlight.sensing.parameters.mosaic import Mosaic
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import jotlight as jl
 from any_sensor import assert_in_range, without_warnings
 from jotlight.networks.files.network_files import write_network
-from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.planes_network import FilmNetwork
 from jotlight.networks.pretrained import FILM_FILE, FOLDER, PLANES_FILES
 from reference import deep, networks
 

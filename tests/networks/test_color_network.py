@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.planes.color_planes import Filtered, color_planes
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.networks.pretrained import MOSAIC_FILE
 
 

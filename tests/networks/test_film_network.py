@@ -7,8 +7,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.networks.files.network_files import count_planes
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.planes.film_planes import Counts, film_planes
+from jotlight.networks.planes_network import FilmNetwork
 from jotlight.networks.pretrained import FILM_FILE, MOSAIC_FILE, pretrained_film
 
 

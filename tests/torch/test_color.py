@@ -6,8 +6,8 @@ import pytest
 import jotlight as jl
 
 torch = pytest.importorskip("torch")
-from jotlight.networks.color_network import ColorNetwork  # noqa: E402
 from jotlight.networks.planes.color_planes import Filtered, color_planes  # noqa: E402
+from jotlight.networks.planes_network import ColorNetwork  # noqa: E402
 from jotlight.torch import color_patches, train  # noqa: E402
 from jotlight.torch.color_patches import ColorPatchLoader  # noqa: E402
 from jotlight.torch.planes_network import PlanesNetwork  # noqa: E402

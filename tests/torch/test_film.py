@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.planes.film_planes import Counts, film_planes
+from jotlight.networks.planes_network import FilmNetwork
 from jotlight.training import ImagePatches
 from jotlight.training.film_patches import FilmExample, FilmPatches
 

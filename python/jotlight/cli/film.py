@@ -37,7 +37,7 @@ from jotlight.images.video import is_floats, video_writer
 from jotlight.motion.films.estimates import FilmEstimates
 from jotlight.motion.films.film import film as merge_windows
 from jotlight.motion.films.memory import remembers
-from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.planes_network import FilmNetwork
 from jotlight.networks.precision import F32
 from jotlight.networks.pretrained import pretrained_film
 from jotlight.sensing.bits.bits import Bits

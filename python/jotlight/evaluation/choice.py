@@ -13,8 +13,9 @@ from jotlight.evaluation.methods import (
     METHODS,
     find_method,
 )
-from jotlight.networks.color_network import AnyNetwork, ColorNetwork
+from jotlight.networks.loading import AnyNetwork
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.networks.precision import DEEP, F32, check_precision
 from jotlight.networks.pretrained import uses_conditional
 from jotlight.sensing.likelihood.reference import saturation_intensity

@@ -18,8 +18,7 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.evaluation.run_methods import MethodResult, compare_methods, select_methods
 from jotlight.layout import Layout
-from jotlight.networks.color_network import AnyNetwork
-from jotlight.networks.loading import wrong_network
+from jotlight.networks.loading import AnyNetwork, wrong_network
 from jotlight.notebook import card, table_of, text_table
 from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress, equal_steps, shown_progress

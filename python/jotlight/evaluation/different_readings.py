@@ -16,7 +16,7 @@ from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.intervals.interval_pixels import find_unbounded
 from jotlight.evaluation.methods import COLOR_NETWORK, find_method
 from jotlight.layout import join
-from jotlight.networks.color_network import AnyNetwork
+from jotlight.networks.loading import AnyNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained_conditional
 from jotlight.sensing.data.pixel_counts import GrayImages

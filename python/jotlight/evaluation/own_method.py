@@ -18,7 +18,7 @@ import numpy.typing as npt
 from jotlight.arrays import read_only
 from jotlight.checks import refuse_masked
 from jotlight.errors import warn
-from jotlight.networks.color_network import AnyNetwork
+from jotlight.networks.loading import AnyNetwork
 from jotlight.parameter_names import nearest_names
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import check_fits

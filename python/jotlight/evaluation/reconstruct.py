@@ -34,8 +34,9 @@ from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
 from jotlight.evaluation.records.info import Info
 from jotlight.evaluation.request import AnyMethod, Request, with_network_of_module
 from jotlight.evaluation.run_choice import run_choice
-from jotlight.networks.color_network import AnyNetwork, ColorNetwork
+from jotlight.networks.loading import AnyNetwork
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import (

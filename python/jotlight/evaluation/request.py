@@ -12,8 +12,9 @@ from jotlight.evaluation.color.color_data import (
 from jotlight.evaluation.methods import BLEND_METHOD, COLOR_NETWORK
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.requested_method import check_extras, named_method
-from jotlight.networks.color_network import AnyNetwork, ColorNetwork
+from jotlight.networks.loading import AnyNetwork
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.sensing.sensor import Sensor
 
 AnyMethod = str | AnyNetwork | OwnMethod

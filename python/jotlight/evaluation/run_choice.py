@@ -10,7 +10,8 @@ from jotlight.evaluation.color.color_images import reconstruct_channels
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import BLEND_METHOD, COLOR_NETWORK, METHODS
 from jotlight.evaluation.request import Request
-from jotlight.networks.color_network import AnyNetwork, ColorNetwork
+from jotlight.networks.loading import AnyNetwork
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.networks.pretrained import DEFAULT_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import GrayImages

@@ -10,10 +10,10 @@ In reading order:
 - ``architectures``: networks at their initial parameters.
 - ``network``: the class that users meet. ``description``, ``figure``: networks as texts and
   drawings. ``torch_hints``: errors for attributes that only PyTorch's modules have.
-- ``color_network``: a network that improves classical colors. ``film_network``: one that also reads
-  the last image. ``planes_network``: the class of both.
-- ``precision``: in which networks multiply. ``loading``: a network of any kind from a file.
-  ``pretrained``: the trained networks in ``weights/``, each with a model card.
+- ``planes_network``: a network that improves classical colors, and one for films, which also reads
+  the last image.
+- ``precision``: in which networks multiply. ``loading``: all kinds of networks, and one from a
+  file. ``pretrained``: the trained networks in ``weights/``, each with a model card.
 
 Its folders, each of which imports only those before it:
 

@@ -1,13 +1,14 @@
-"""The network in a file, of any kind."""
+"""The kinds of networks, and the network in a file, of any kind."""
 
 import os
 from typing import Any, get_args
 
-from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.files.network_files import count_planes
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
-from jotlight.networks.planes_network import PlanesNetwork
+from jotlight.networks.planes_network import ColorNetwork, FilmNetwork, PlanesNetwork
+
+AnyNetwork = Network | ColorNetwork
+"""A network for gray images, or for colors."""
 
 
 def load_network(path: str | os.PathLike[str]) -> Network | PlanesNetwork:

@@ -1,4 +1,7 @@
-"""K-conditioned networks that read planes: other estimates of an image, and what its bits add."""
+"""K-conditioned networks that read planes: other estimates of an image, and what its bits add.
+
+One improves colors, and one the images of films.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from jotlight.networks.graph import size_divisor
 from jotlight.networks.inference.engine_backed import EngineBacked
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_rotations
+from jotlight.networks.planes import color_planes, film_planes
 from jotlight.networks.planes.planes_layers import build_correction
 from jotlight.parameter_names import takes_rng
 from jotlight.seeds import random_generator
@@ -23,21 +27,8 @@ from jotlight.sensing.sensor import Sensor
 class PlanesNetwork(EngineBacked):
     """A K-conditioned network that reads planes. A subclass states their number.
 
-    Parameters
-    ----------
-    layers : sequence of Layer
-        The first layer has the planes as channels, and the last one the outputs: P(b = 1).
-    history : mapping, optional
-        How the network was made, in values that JSON can hold.
-    trials_range : (int, int)
-        Smallest and largest K of the network.
-    rotations : {1, 4}
-        4 averages the output over the rotations of the planes by 90 degrees.
-
-    Raises
-    ------
-    ValueError
-        When the layers do not fit each other or the planes.
+    The first layer has the planes as channels, and the last one the outputs: P(b = 1). The
+    parameters and the errors are those of the subclasses.
     """
 
     start: ClassVar[tuple[int, ...]]
@@ -151,3 +142,73 @@ class PlanesNetwork(EngineBacked):
 
     def __repr__(self) -> str:
         return repr_of(self)
+
+
+class ColorNetwork(PlanesNetwork):
+    """A K-conditioned network that improves classical colors with the bits of all filters.
+
+    :func:`jotlight.reconstruct` uses one for sensors with a mosaic, and one for color channels.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        The first layer has the planes of :mod:`jotlight.networks.planes.color_planes`, and the last
+        one three channels: P(b = 1) of red, green, and blue.
+    history : mapping, optional
+        How the network was made, in values that JSON can hold.
+    trials_range : (int, int)
+        Smallest and largest K of the network.
+    rotations : {1, 4}
+        4 averages the output over the rotations of the planes by 90 degrees.
+
+    Raises
+    ------
+    ValueError
+        When the layers do not fit each other or the planes.
+
+    Examples
+    --------
+    >>> network = jl.ColorNetwork.initial("small", rng=0)
+    >>> network.halo
+    8
+    """
+
+    planes, start = color_planes.PLANES, tuple(range(color_planes.PLANES)[color_planes.START])
+    estimate = "classical colors"
+    usual_range = 1, 256
+
+
+class FilmNetwork(PlanesNetwork):
+    """A K-conditioned recurrent network for the images of a film.
+
+    It improves the estimates of the gray network with counts of three lengths along the motion,
+    those of neighboring moments, and the last image of the film.
+    :class:`jotlight.FilmEstimates` uses it.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        The first layer has the planes of :mod:`jotlight.networks.planes.film_planes`, and the last
+        one a channel: P(b = 1).
+    history : mapping, optional
+        How the network was made, in values that JSON can hold.
+    trials_range : (int, int)
+        Smallest and largest K of the network.
+    rotations : {1, 4}
+        4 averages the output over the rotations of the planes by 90 degrees.
+
+    Raises
+    ------
+    ValueError
+        When the layers do not fit each other or the planes.
+
+    Examples
+    --------
+    >>> network = jl.FilmNetwork.initial("small", rng=0)
+    >>> network.halo
+    8
+    """
+
+    planes, start = film_planes.PLANES, (film_planes.START,)
+    estimate = "the gray network"
+    usual_range = 4, 1024

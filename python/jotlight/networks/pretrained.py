@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from jotlight.networks.architectures import EXTRA_LARGE, QUALITIES
-from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import ColorNetwork, FilmNetwork
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.sensor import Sensor

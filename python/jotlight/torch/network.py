@@ -9,15 +9,14 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.conditioning import conditioning_weights, count_sets
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.inference.served_sensors import choose_sensor
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network as EngineNetwork
+from jotlight.networks.planes_network import ColorNetwork, FilmNetwork
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.data_checks import as_floats, check_data, refuse_tracing

@@ -10,11 +10,9 @@ import numpy.typing as npt
 import torch
 
 from jotlight.checks import positive_number, whole_number
-from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
-from jotlight.networks.planes_network import PlanesNetwork
+from jotlight.networks.planes_network import ColorNetwork, FilmNetwork, PlanesNetwork
 from jotlight.networks.precision import F32
 from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.progress import Progress

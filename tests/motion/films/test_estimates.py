@@ -17,7 +17,7 @@ from jotlight.motion.films.film import film
 from jotlight.motion.films.image import count_nearest
 from jotlight.motion.films.live_film import LiveFilm
 from jotlight.motion.merge import as_paths
-from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.planes_network import FilmNetwork
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.parameters.provenance import Provenance
 

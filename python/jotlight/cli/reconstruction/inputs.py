@@ -18,7 +18,8 @@ from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.methods import COLOR_NETWORK, DEFAULT_METHOD
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import Capture
-from jotlight.networks.color_network import AnyNetwork, ColorNetwork
+from jotlight.networks.loading import AnyNetwork
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.sensing.bits.bits import Bits
 
 

@@ -9,12 +9,10 @@ from rich.table import Table
 
 from jotlight.cli.terminal.console import shape_text
 from jotlight.errors import counted
-from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
-from jotlight.networks.planes_network import PlanesNetwork
+from jotlight.networks.planes_network import ColorNetwork, FilmNetwork, PlanesNetwork
 from jotlight.training import History
 
 _KINDS: dict[type, str] = {ColorNetwork: "color network", FilmNetwork: "film network"}

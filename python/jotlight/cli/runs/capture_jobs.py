@@ -25,8 +25,8 @@ from jotlight.dask.store import VideoStore
 from jotlight.evaluation.records.records import maps_sha256
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
-from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.lazy import frames_per_chunk
 from jotlight.sensing.sensor import Sensor

@@ -6,7 +6,7 @@ from jotlight.array_types import Image
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.readings.merge_near import Merging
 from jotlight.networks.color.color_inference import estimate_channels
-from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.networks.pretrained import (
     CHANNELS_FILE,
     COLOR_START,

@@ -26,7 +26,7 @@ from jotlight.evaluation.records.info import Info, join_infos
 from jotlight.layout import Layout
 from jotlight.networks.color.color_inference import estimate_mosaic
 from jotlight.networks.color.mosaic_planes import estimate_values
-from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.networks.pretrained import (
     COLOR_START,
     MOSAIC_FILE,

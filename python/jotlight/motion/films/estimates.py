@@ -12,9 +12,9 @@ from jotlight.array_types import Image
 from jotlight.errors import warn
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.motion.films.image import FilmImage
-from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.planes.film_planes import Counts, film_planes, usual_trials
+from jotlight.networks.planes_network import FilmNetwork
 from jotlight.networks.pretrained import FILM_START, FOLDER, pretrained_film
 from jotlight.sensing.data.pixel_counts import count_pixels
 from jotlight.sensing.likelihood.reference import response_of

@@ -15,10 +15,10 @@ from jotlight.estimators.trial_levels import (
     share_levels,
 )
 from jotlight.networks.color.color_starts import start_of_channels, start_of_mosaic
-from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.planes.color_planes import DEVIATIONS, START, Filtered, color_planes
 from jotlight.networks.planes.planes_layers import CENTER
+from jotlight.networks.planes_network import ColorNetwork
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import reference_jot, response_of
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
