@@ -1,14 +1,19 @@
 """The model cards of the trained networks."""
 
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
+from rounding import round_layers
 
 import jotlight as jl
 from jotlight.evaluation.evaluate import Evaluation
 from jotlight.networks.graph import flops_per_pixel
+from jotlight.networks.planes_network import PlanesNetwork
+
+N = TypeVar("N", bound=PlanesNetwork)
 
 BSDS300 = "BSDS300 train, gray"
 MIXTURE = "BSDS500, CID22, CLIC 2025, GB82, and synthetic patches"
@@ -66,18 +71,53 @@ def render(name: str, network: jl.Network, recipe: str, scores: str) -> str:
     else:
         low, high = network.trials_range
         purpose = ANY_K.format(low=low, high=high)
-    card = TEMPLATE.read_text(encoding="utf-8").format(
+    return fill(
+        TEMPLATE,
+        network.layers,
         name=name,
-        channels=" → ".join(str(layer.channels) for layer in network.layers),
-        parameters=sum(layer.parameter_count for layer in network.layers),
-        kiloflops=flops_per_pixel(network.layers) / 1000,
         purpose=purpose,
         images=IMAGES[network.history["trained on"]],
         recipe=recipe,
         scores=scores,
         limits=_limits(network),
     )
-    return "".join(wrap(line) + "\n" for line in card.splitlines())
+
+
+def fill(template: Path, layers: Sequence[jl.Layer], **texts: object) -> str:
+    """Return the card of a network with these layers, from a template and its other texts."""
+    card = template.read_text(encoding="utf-8").format(
+        channels=" → ".join(str(layer.channels) for layer in layers),
+        parameters=sum(layer.parameter_count for layer in layers),
+        kiloflops=flops_per_pixel(layers) / 1000,
+        **texts,
+    )
+    return "".join(_wrap(line) + "\n" for line in card.splitlines())
+
+
+def ship(
+    network: N,
+    stages: list[str],
+    file: Path,
+    template: Path,
+    measure: Callable[[N], dict[str, object]],
+) -> N:
+    """Write a network of planes, rounded to float16, and its card, and return it.
+
+    `measure` returns the texts of the card about the rounded network, which lies in the file.
+    """
+    history = {"start": network.history["start"], "stages": stages}
+    layers = round_layers(network.layers)
+    network = type(network)(layers, history, trials_range=network.trials_range)
+    network.save(file)
+    recipe = f"from the gray network medium, {', then '.join(stages)}."
+    write(file, fill(template, layers, recipe=recipe, **measure(network)))
+    return network
+
+
+def write(network_file: Path, card: str) -> None:
+    """Write a card beside the file of its network, and print it."""
+    network_file.with_suffix(".md").write_text(card, encoding="utf-8")
+    print(card, flush=True)
 
 
 def _limits(network: jl.Network) -> str:
@@ -87,7 +127,7 @@ def _limits(network: jl.Network) -> str:
     return (ONE_EXPOSURE if network.trials_range is None else "") + TWO_LAYER_LIMITS
 
 
-def wrap(line: str) -> str:
+def _wrap(line: str) -> str:
     indent = "  " if line.startswith("- ") else ""
     return textwrap.fill(
         line, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False

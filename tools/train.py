@@ -163,12 +163,11 @@ def write_network(name: str, network: jl.Network, recipe: str, options: argparse
         layers, known = round_layers(network.layers), network.trials_range
         network = jl.Network(layers, network.sensor, network.history, trials_range=known)
     folder = options.scratch if name in COMPARISONS else FOLDER
-    network.save(folder / f"{name}.safetensors")
+    file = folder / f"{name}.safetensors"
+    network.save(file)
     validation = partial(training_data.validation_images, options.data)
     scores = model_cards.score(network, tests, validation)
-    card = model_cards.render(name, network, recipe, scores)
-    (folder / f"{name}.md").write_text(card, encoding="utf-8")
-    print(card, flush=True)
+    model_cards.write(file, model_cards.render(name, network, recipe, scores))
 
 
 def trials(name: str) -> int:

@@ -11,17 +11,17 @@ the checkpoint in `--scratch`.
 import argparse
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import training_data
-from model_cards import wrap
-from rounding import round_layers
+from model_cards import ship
+from train import report
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.planes.color_planes import PLANES
 from jotlight.networks.planes_network import ColorNetwork
@@ -155,10 +155,6 @@ def main() -> None:
     checkpoint = options.scratch / f"{options.kind}.{options.seed}.checkpoint.safetensors"
     start = start_from_gray() if options.start is None else ColorNetwork.load(options.start)
 
-    def report(record: jl.training.Record) -> None:
-        if record.step % 500 == 0:
-            print(f"step {record.step} of {options.steps}, cost {record.loss:.4g}", flush=True)
-
     network, _ = train(
         start,
         color_source(options.data, KINDS[options.kind]),
@@ -170,7 +166,7 @@ def main() -> None:
         rng=options.seed,
         checkpoint=checkpoint,
         resume=checkpoint.exists(),
-        callback=report,
+        callback=partial(report, options.kind, options.steps),
         device="cpu",
         threads=options.threads,
     )
@@ -180,37 +176,21 @@ def main() -> None:
         f"`python tools/train_color.py DATA {options.kind}` with {options.steps:,} steps by Muon "
         f"at a learning rate of {options.learning_rate:g}"
     )
-    ship(network, [*start.history.get("stages", []), stage], KINDS[options.kind], options.data)
+    stages, kind = [*start.history.get("stages", []), stage], KINDS[options.kind]
+    ship(network, stages, kind.file, TEMPLATE, lambda _: card_texts(kind, options.data))
     checkpoint.unlink()
 
 
-def ship(network: ColorNetwork, stages: list[str], kind: Kind, data: Path) -> None:
-    """Write a trained network, rounded to float16, and its card."""
-    history = {"start": network.history["start"], "stages": stages}
-    layers = round_layers(network.layers)
-    network = ColorNetwork(layers, history, trials_range=network.trials_range)
-    network.save(kind.file)
-    write_card(kind, data)
-
-
-def write_card(kind: Kind, data: Path) -> None:
-    """Write the card of the network in the file of a kind, with its scores."""
-    network = pretrained_color(kind.file)
-    card = TEMPLATE.read_text(encoding="utf-8").format(
-        name=kind.file.stem,
-        use=kind.use,
-        patches=kind.patches,
-        scored=kind.scored,
-        channels=" → ".join(str(layer.channels) for layer in network.layers),
-        parameters=sum(layer.parameter_count for layer in network.layers),
-        kiloflops=flops_per_pixel(network.layers) / 1000,
-        rotations=network.rotations,
-        recipe=f"from the gray network medium, {', then '.join(network.history['stages'])}.",
-        scores=score(data, kind),
-    )
-    card = "".join(wrap(line) + "\n" for line in card.splitlines())
-    kind.file.with_suffix(".md").write_text(card, encoding="utf-8")
-    print(card)
+def card_texts(kind: Kind, data: Path) -> dict[str, object]:
+    """Return the texts of the card of the network in the file of a kind, with its scores."""
+    return {
+        "name": kind.file.stem,
+        "use": kind.use,
+        "patches": kind.patches,
+        "scored": kind.scored,
+        "rotations": pretrained_color(kind.file).rotations,
+        "scores": score(data, kind),
+    }
 
 
 if __name__ == "__main__":

@@ -17,20 +17,20 @@ all scenes. Network and card go to ``python/jotlight/networks/weights``. A run n
 import argparse
 import dataclasses
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from film_data import PARTS
-from model_cards import wrap
-from rounding import round_layers
+from model_cards import ship
+from train import report
 
 import jotlight as jl
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.metrics import psnr
 from jotlight.motion.films.estimates import displaced
 from jotlight.networks.conditioning import conditioning_weights
-from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.planes.film_planes import START, Counts, film_planes, usual_trials
 from jotlight.networks.planes_network import FilmNetwork
@@ -204,10 +204,6 @@ def main() -> None:
     print(f"{len(scenes)} scenes; PSNR of {FILM_START}, and before: {scores(validation, network)}")
     stages = list(network.history.get("stages", []))
 
-    def report(record: jl.training.Record) -> None:
-        if record.step % 500 == 0:
-            print(f"step {record.step} of {options.steps}, cost {record.loss:.4g}", flush=True)
-
     for number in range(options.rounds):
         network, _ = train(
             network,
@@ -218,7 +214,7 @@ def main() -> None:
             learning_rate=options.learning_rate,
             optimizer=options.optimizer,
             rng=options.seed + number,
-            callback=report,
+            callback=partial(report, "film", options.steps),
             device="cpu",
             threads=options.threads,
         )
@@ -226,29 +222,13 @@ def main() -> None:
             f"{options.steps:,} steps by {options.optimizer.capitalize()} at a learning rate of "
             f"{options.learning_rate:g} on the images of {len(scenes)} scenes"
         )
-        network = ship(network, stages, validation)
+        network = ship(network, stages, FILM_FILE, TEMPLATE, partial(card_texts, validation))
 
 
-def ship(network: FilmNetwork, stages: list[str], validation: list[Scene]) -> FilmNetwork:
-    """Write a trained network, rounded to float16, and its card, and return it."""
-    history = {"start": network.history["start"], "stages": stages}
-    layers = round_layers(network.layers)
-    network = FilmNetwork(layers, history, trials_range=network.trials_range)
-    network.save(FILM_FILE)
+def card_texts(validation: list[Scene], network: FilmNetwork) -> dict[str, object]:
+    """Return the texts of the card of a network, with its scores."""
     of_gray, own = scores(validation, network)
-    card = TEMPLATE.read_text(encoding="utf-8").format(
-        channels=" → ".join(str(layer.channels) for layer in network.layers),
-        parameters=sum(layer.parameter_count for layer in network.layers),
-        kiloflops=flops_per_pixel(network.layers) / 1000,
-        recipe=f"from the gray network medium, {', then '.join(stages)}.",
-        scenes=len(validation),
-        of_gray=of_gray,
-        own=own,
-    )
-    card = "".join(wrap(line) + "\n" for line in card.splitlines())
-    FILM_FILE.with_suffix(".md").write_text(card, encoding="utf-8")
-    print(card, flush=True)
-    return network
+    return {"scenes": len(validation), "of_gray": of_gray, "own": own}
 
 
 if __name__ == "__main__":
