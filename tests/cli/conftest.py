@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
+from moving import record
 
 
 @pytest.fixture
@@ -24,6 +25,14 @@ def color(tmp_path):
     levels = (jl.datasets.photograph("coffee")[100:140, 180:229] * 255).astype(np.uint8)
     Image.fromarray(levels).save(path)
     return path
+
+
+@pytest.fixture
+def moving(tmp_path):
+    """Return the bits of a shaking camera, which are also in a file of the current folder."""
+    _, bits = record("shake", shape=(48, 64))
+    jl.save(bits, tmp_path / "moving.npy")
+    return bits
 
 
 @pytest.fixture

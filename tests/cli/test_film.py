@@ -17,7 +17,6 @@ from jotlight.errors import hide_warnings
 from jotlight.evaluation.methods import METHODS
 from jotlight.motion.films.estimates import estimate_film
 from jotlight.motion.films.film import film
-from moving import record
 from servers import http_server
 
 SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
@@ -28,13 +27,6 @@ SCENE = np.linspace(0.2, 12, 24 * 30).reshape(24, 30)
 def capture(tmp_path):
     bits = SENSOR.expose(SCENE, rng=0)
     jl.save(bits, tmp_path / "known.npy")
-    return bits
-
-
-@pytest.fixture
-def moving(tmp_path):
-    _, bits = record("shake", shape=(48, 64))
-    jl.save(bits, tmp_path / "moving.npy")
     return bits
 
 

@@ -122,16 +122,26 @@ def constant_motion(shifts, size, times, reference, model="affine"):
     return jl.Motion(nodes, labels, np.asarray(times, float), float(reference), model, information)
 
 
+def track_of(blocks, velocity, reference):
+    """Return the track of an image that moves by some rows and columns per frame."""
+    return _track(blocks, np.outer(blocks.centers - reference, velocity), reference)
+
+
 def paths_of(blocks, shifts, reference):
     """Return the paths of an image that moves by shifts (n, 2) at the centers of the blocks."""
-    from jotlight.motion.displacements.track import Paths, Track
+    from jotlight.motion.displacements.track import Paths
+
+    return Paths([_track(blocks, shifts, reference)], np.zeros(blocks.size, np.uint8))
+
+
+def _track(blocks, shifts, reference):
+    from jotlight.motion.displacements.track import Track
     from jotlight.motion.tiles import tile_counts
 
     shape, number = tile_counts(blocks.size), len(blocks.centers)
     nodes = np.zeros((number, 2, *shape)) + np.asarray(shifts)[:, :, None, None]
     information = np.zeros((number, 3, *shape))
-    track = Track(blocks, reference, nodes, np.ones(number, bool), information)
-    return Paths([track], np.zeros(blocks.size, np.uint8))
+    return Track(blocks, reference, nodes, np.ones(number, bool), information)
 
 
 def total_of(paths):

@@ -15,14 +15,6 @@ from jotlight.formats.capture import CountStack
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.io import read_image, read_note
 from jotlight.sensing.parameters.provenance import Provenance
-from moving import record
-
-
-@pytest.fixture
-def moving(tmp_path):
-    _, bits = record("shake", shape=(48, 64))
-    jl.save(bits, tmp_path / "moving.npy")
-    return bits
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion.displacements.scoring import make_template
-from jotlight.motion.displacements.track import Paths, Track, from_center
+from jotlight.motion.displacements.track import Paths, from_center
 from jotlight.motion.outlines import depth
 from jotlight.motion.outlines.depth import (
     Gain,
@@ -17,17 +17,10 @@ from jotlight.motion.outlines.depth import (
     without_absent,
 )
 from jotlight.motion.tiles import interpolate, tile_counts
-from moving import blocks_of, occluded, record
+from moving import blocks_of, occluded, record, track_of
 
 SIZE = 40, 56
 FRAMES = 32
-
-
-def track_of(blocks, velocity, reference=FRAMES // 2):
-    shape, number = tile_counts(blocks.size), len(blocks.centers)
-    nodes = np.zeros((number, 2, *shape))
-    nodes += np.outer(blocks.centers - reference, velocity)[:, :, None, None]
-    return Track(blocks, reference, nodes, np.ones(number, bool), np.zeros((number, 3, *shape)))
 
 
 def square(top, left, side):
@@ -47,7 +40,8 @@ def scene_of(number):
     labels = np.zeros(SIZE, np.uint8)
     for index in range(1, number):
         labels[MASKS[index]] = index
-    return Paths([track_of(blocks, each) for each in VELOCITIES[:number]], labels), shown
+    tracks = [track_of(blocks, each, FRAMES // 2) for each in VELOCITIES[:number]]
+    return Paths(tracks, labels), shown
 
 
 def test_hidden_pixels_are_not_counted():
@@ -180,7 +174,7 @@ def test_outlines_of_objects_are_found_from_a_wrong_guess(number):
 def test_an_object_that_does_not_exist_vanishes():
     bits, _ = occluded(VELOCITIES[:1], MASKS[:1])
     blocks = blocks_of(bits, FRAMES)
-    tracks = [track_of(blocks, each) for each in VELOCITIES[:2]]
+    tracks = [track_of(blocks, each, FRAMES // 2) for each in VELOCITIES[:2]]
     labels = MASKS[1].astype(np.uint8)
     assert not refine_outlines(Paths(tracks, labels)).labels.any()
 
@@ -203,7 +197,7 @@ def test_objects_that_appear_later_are_left_out():
     frames = there.to_array()
     frames[: FRAMES // 2 + 6] = before.to_array()[: FRAMES // 2 + 6]
     blocks = blocks_of(jl.Bits.from_array(frames), FRAMES)
-    tracks = [track_of(blocks, velocity) for velocity in VELOCITIES[:2]]
+    tracks = [track_of(blocks, velocity, FRAMES // 2) for velocity in VELOCITIES[:2]]
     assert not without_absent(Paths(tracks, paths.labels)).labels.any()
 
 
@@ -215,7 +209,7 @@ def test_the_outline_of_a_photographed_object_is_exact():
     shape = tile_counts(blocks.size)
     tracks = []
     for place in ((0, 0), (64, 64)):
-        track = track_of(blocks, (0, 0))
+        track = track_of(blocks, (0, 0), FRAMES // 2)
         track.nodes += np.stack(
             [scene.motion(time)[:, place[0], place[1], None, None] for time in blocks.centers]
         )
@@ -238,7 +232,7 @@ def test_known_outlines_stay_where_the_bits_say_nothing():
     rng = np.random.default_rng(0)
     flat = blocks_of(jl.Bits.from_array(rng.random((FRAMES, *SIZE)) < 0.3), FRAMES // 8)
     labels = square(6, 8, 24).astype(np.uint8)
-    paths = Paths([track_of(flat, each) for each in VELOCITIES[:2]], labels)
+    paths = Paths([track_of(flat, each, FRAMES // 2) for each in VELOCITIES[:2]], labels)
     kept = refine_outlines(paths, are_known=True).labels
     assert (kept != labels).mean() < 0.01
     assert (refine_outlines(paths).labels != labels).mean() > 0.1

@@ -5,21 +5,13 @@ import pytest
 from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 
-from jotlight.motion.displacements.track import Track
 from jotlight.motion.outlines.outlines import (
     _cost,
     _with_short_outlines,
     choose_labels,
 )
 from jotlight.motion.tiles import tile_counts
-from moving import blocks_of, record, two_halves
-
-
-def track_of(blocks, velocity, reference):
-    shape, number = tile_counts(blocks.size), len(blocks.centers)
-    nodes = np.zeros((number, 2, *shape))
-    nodes += np.outer(blocks.centers - reference, velocity)[:, :, None, None]
-    return Track(blocks, reference, nodes, np.ones(number, bool), np.zeros((number, 3, *shape)))
+from moving import blocks_of, record, track_of, two_halves
 
 
 def test_each_half_follows_its_own_motion():

@@ -10,6 +10,7 @@ from mpmath import mp
 from scipy.special import gammainc
 
 import jotlight as jl
+from one_cell import evaluate
 
 RANDOM = np.random.default_rng(0)
 THRESHOLDS = [1, 2, 3, 5, 20, 100]
@@ -43,16 +44,6 @@ def close(found, exact, digits=DIGITS):
 def fifty_digits():
     with mp.workdps(50):
         yield
-
-
-def evaluate(ones, trials, light, **options):
-    """Return value, gradient, curvature, and information of one cell."""
-    cell = jl.Likelihood([ones], trials, **options)
-    return (
-        cell.value([light]),
-        *np.ravel(cell.gradient_and_curvature([light])),
-        *cell.information([light]),
-    )
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)

@@ -7,19 +7,10 @@ import pytest
 from scipy.special import gammainc, gammaincc, xlogy
 
 import jotlight as jl
+from one_cell import evaluate
 
 RANDOM = np.random.default_rng(0)
 SIZES = [1, 15, 16, 17, 4095, 4096, 4097, 3 * 4096 + 21]
-
-
-def evaluate(ones, trials, light, **options):
-    """Return value, gradient, curvature, and information of one cell."""
-    cell = jl.Likelihood([ones], trials, **options)
-    return (
-        cell.value([light]),
-        *np.ravel(cell.gradient_and_curvature([light])),
-        *cell.information([light]),
-    )
 
 
 def make_cells(shape, threshold, **options):
