@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from jotlight.argument_types import url_of
 from jotlight.output_files import open_output
 from jotlight.output_links import follow_link, resolve_output
+from jotlight.paths import url_of
 from jotlight.temporary_names import has_temporaries, reserve_temporary
 
 _FAILED_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import refuse_path
 from jotlight.array_types import Counts
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.captured_sensor import captured_threshold
@@ -22,6 +21,7 @@ from jotlight.calibration.result import Calibration, check_same_jots
 from jotlight.calibration.steadiness import Steadiness, steadiness, warn_about_frames
 from jotlight.checks import as_counts, positive_number, real_number, shown
 from jotlight.errors import warn
+from jotlight.paths import refuse_path
 from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.readings import Readings

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.calibration.agreement import warn_about_conflict
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.captured_sensor import refuse_read_noise
@@ -20,6 +19,7 @@ from jotlight.calibration.files import MAPS, checked_fields
 from jotlight.calibration.jot_mosaics import mosaic_of_pixels
 from jotlight.calibration.steadiness import Steadiness
 from jotlight.notebook import card, normalize
+from jotlight.paths import as_path, as_tensors_path
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.crop import noted_region
 from jotlight.sensing.data.data_lists import carried_sensor

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path
 from jotlight.datasets.fetch import RemoteFiles, fetch
 from jotlight.images.sets import check_first, read_image_set
+from jotlight.paths import as_path
 from jotlight.progress import Progress, equal_steps, shown_progress
 
 SITE = (

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path
 from jotlight.datasets import cifar10_files
 from jotlight.datasets.fetch import RemoteFiles, fetch
 from jotlight.images.sets import check_first
+from jotlight.paths import as_path
 from jotlight.progress import Progress, equal_steps, shown_progress
 
 SITE = "https://www.cs.toronto.edu/~kriz"

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
-from jotlight.argument_types import as_path
 from jotlight.checks import real_number, refuse_masked, shown
 from jotlight.errors import counted
 from jotlight.evaluation.own_method import OwnMethod
@@ -24,6 +23,7 @@ from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
 from jotlight.parameter_names import check_choice, takes_rng
+from jotlight.paths import as_path
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 

@@ -3,12 +3,12 @@
 import os
 from typing import Any
 
-from jotlight.argument_types import as_path
 from jotlight.formats.capture import frames_of
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.opening.detect import detect_format
 from jotlight.formats.opening.opening import read_capture
 from jotlight.formats.registry import FORMATS
+from jotlight.paths import as_path
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits.frames import read_in_chunks
 

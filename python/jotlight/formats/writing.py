@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path
 from jotlight.array_types import Counts
 from jotlight.checks import refuse_masked, to_array
 from jotlight.disk_space import check_disk_space
@@ -19,6 +18,7 @@ from jotlight.formats.frames.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
 from jotlight.layout import MAX_CHANNELS
 from jotlight.parameter_names import check_choice
+from jotlight.paths import as_path
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames, read_frames
 from jotlight.sensing.bits.readings import Readings

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path, pattern_advice
 from jotlight.array_types import FloatImage
 from jotlight.checks import positive_number
 from jotlight.files import refuse_folder
@@ -27,6 +26,7 @@ from jotlight.images.exr import check_exr, read_exr, read_exr_comments, write_ex
 from jotlight.images.png import checked_png, read_png16, write_png16
 from jotlight.images.tiff import read_tiff, write_tiff
 from jotlight.output_files import OutputFile, open_output
+from jotlight.paths import as_path, pattern_advice
 
 DISPLAYED = (".png", ".jpg", ".jpeg")
 """Endings of images for display."""

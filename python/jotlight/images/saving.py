@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path
 from jotlight.checks import positive_number, refuse_data, refuse_masked, to_array, type_of
 from jotlight.errors import warn
 from jotlight.files import atomic_write
@@ -21,6 +20,7 @@ from jotlight.images.io import DISPLAYED, image_writer
 from jotlight.images.tone import Tone
 from jotlight.images.video import DEFAULT_FPS, is_floats, video_writer
 from jotlight.layout import looks_like_color
+from jotlight.paths import as_path
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.readings import Readings

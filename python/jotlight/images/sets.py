@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import as_image, positive_number, refuse_image_path, shown
 from jotlight.errors import hide_warnings
 from jotlight.formats.files.file_systems import explained, find_files, open_file_system
@@ -18,6 +17,7 @@ from jotlight.formats.npy.arrays import open_npy_array
 from jotlight.formats.npy.description import find_description
 from jotlight.formats.opening.locations import is_url
 from jotlight.images.io import read_image
+from jotlight.paths import as_path, pattern_advice
 from jotlight.progress import Progress, check_progress, shown_progress
 from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.parameters.intensity_scale import warn_about_scale

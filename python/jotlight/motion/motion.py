@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.arrays import HasReadOnlyArrays, frozen
 from jotlight.checks import real_number, shown, to_array
 from jotlight.motion.figure import draw_change, draw_paths
@@ -19,6 +18,7 @@ from jotlight.motion.reference_time import move_labels, move_nodes
 from jotlight.motion.tiles import interpolate, tile_counts
 from jotlight.notebook import card
 from jotlight.parameter_names import check_choice
+from jotlight.paths import as_path, as_tensors_path
 from jotlight.tensors import read_tensors, write_tensors
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.argument_types import as_path
 from jotlight.array_types import Array
 from jotlight.checks import whole_number
+from jotlight.paths import as_path
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.training.history import History
 from jotlight.training.optimizer import State

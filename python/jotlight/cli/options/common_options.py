@@ -7,10 +7,10 @@ from typing import Annotated, Any
 from cyclopts import Group, Parameter, Token
 from cyclopts import convert as convert_tokens
 
-from jotlight.argument_types import complete_path
 from jotlight.evaluation.methods import METHOD_NAMES
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.precision import F32, PRECISIONS
+from jotlight.paths import complete_path
 
 METHOD_PANEL = Group("Iterative methods", sort_key=1)
 TRAINING_PANEL = Group("Training", sort_key=2)

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.argument_types import pattern_advice
 from jotlight.calibration import Calibration
 from jotlight.cli.captures.captured import add_sensor
 from jotlight.cli.options.capture_options import CaptureOptions
@@ -16,6 +15,7 @@ from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.estimators.brightness import training_sensor
 from jotlight.formats.opening.locations import is_url
 from jotlight.images.sets import read_image_set
+from jotlight.paths import pattern_advice
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor

@@ -8,9 +8,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jotlight.argument_types import complete_path, pattern_advice, url_of
 from jotlight.formats.files.file_systems import expand_url, url_state
 from jotlight.formats.npy.description import companion_files
+from jotlight.paths import complete_path, pattern_advice, url_of
 from jotlight.sensing.parameters.maps import MAPS
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")

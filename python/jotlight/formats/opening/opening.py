@@ -5,7 +5,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-from jotlight.argument_types import as_path
 from jotlight.errors import SeveralArraysError
 from jotlight.formats.capture import Capture, CountStack, frames_of, with_frames
 from jotlight.formats.files.file_systems import url_state
@@ -18,6 +17,7 @@ from jotlight.formats.opening.locations import check_exists, files_state, is_url
 from jotlight.formats.opening.remote import LocalCopy
 from jotlight.formats.registry import FORMATS
 from jotlight.parameter_names import check_choice
+from jotlight.paths import as_path
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames
 

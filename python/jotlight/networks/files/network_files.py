@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.inference.engine_backed import EngineBacked
 from jotlight.networks.layer import Layer
 from jotlight.networks.planes import color_planes, film_planes
+from jotlight.paths import as_path, as_tensors_path
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.underflow import underflows_to_0

@@ -27,7 +27,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight._engine import RATIO_OF_PASS
-from jotlight.argument_types import as_path
 from jotlight.errors import needs_module
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.files import write_file
@@ -37,6 +36,7 @@ from jotlight.networks.inference.served_sensors import choose_sensor
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.splines import CUBIC_BASIS
+from jotlight.paths import as_path
 from jotlight.sensing.data.pixel_counts import count_pixels
 from jotlight.sensing.likelihood.reference import Jot, reference_jot
 from jotlight.sensing.parameters.response import (

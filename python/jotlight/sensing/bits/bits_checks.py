@@ -156,6 +156,15 @@ def zeros_and_ones(array: npt.ArrayLike) -> npt.NDArray[Any]:
     return values
 
 
+def refuse_frames(data: object) -> None:
+    """Raise TypeError for an array of bool in place of bits or counts."""
+    if isinstance(data, np.ndarray) and data.dtype == np.bool_:
+        raise TypeError(
+            "data: expected jotlight.Bits or counts, got an array of bool; pass "
+            "jotlight.Bits.from_array(frames, sensor)"
+        )
+
+
 def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1) -> None:
     """Raise TypeError or ValueError unless readings of this shape and bit depth fit the sensor."""
     if not hasattr(sensor, "bit_depth"):

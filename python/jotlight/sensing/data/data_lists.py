@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.argument_types import refuse_path
 from jotlight.checks import refuse_masked
+from jotlight.paths import refuse_path
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.merged import Merged

@@ -8,11 +8,11 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import refuse_frames, refuse_path
 from jotlight.checks import as_counts, check_threads, refuse_masked
 from jotlight.layout import Layout, join
+from jotlight.paths import refuse_path
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.bits_checks import check_fits
+from jotlight.sensing.bits.bits_checks import check_fits, refuse_frames
 from jotlight.sensing.bits.counting import count_ones
 from jotlight.sensing.bits.readings import Readings, image_of_readings
 from jotlight.sensing.bits.values import check_any_valid, checked_trials

@@ -1,12 +1,12 @@
-"""Checks of the types of arguments."""
+"""Paths as arguments of functions."""
 
 import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.formats.verification import verify_capture
 from jotlight.images.sets import read_image_set
+from jotlight.paths import as_path, as_tensors_path
 
 BITS = jl.Sensor(frames=16).expose(np.full((16, 16), 0.5), rng=0)
 

@@ -1,11 +1,9 @@
-"""Checks of the types of arguments: paths, and frames in place of counts."""
+"""Paths as arguments: their checks, complete paths, and URLs."""
 
 import glob
 import os
 import re
 from pathlib import Path
-
-import numpy as np
 
 
 def refuse_path(data: object) -> None:
@@ -15,15 +13,6 @@ def refuse_path(data: object) -> None:
             f"data: expected bits or counts, got the path {os.fspath(data)!r}; pass "
             "jotlight.open(path) for a capture, and sensor.expose(jotlight.read_image(path)) for a "
             "photograph"
-        )
-
-
-def refuse_frames(data: object) -> None:
-    """Raise TypeError for an array of bool in place of data."""
-    if isinstance(data, np.ndarray) and data.dtype == np.bool_:
-        raise TypeError(
-            "data: expected jotlight.Bits or counts, got an array of bool; pass "
-            "jotlight.Bits.from_array(frames, sensor)"
         )
 
 
