@@ -26,8 +26,8 @@ from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.frames.checked_reading import with_checksum
 from jotlight.formats.npy.description import companion_files
 from jotlight.formats.writing import write_capture
-from jotlight.images.exposure import display_tone
 from jotlight.images.io import DISPLAYED, image_writer
+from jotlight.images.tone import display_tone
 from jotlight.output_links import follow_link, name_beside
 from jotlight.sensing.bits.bits import Bits
 

@@ -15,9 +15,8 @@ from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
 from jotlight.images.clipping import Clipping
-from jotlight.images.exposure import Exposure, expose, find_white
 from jotlight.images.io import DISPLAYED, image_writer
-from jotlight.images.tone import Tone
+from jotlight.images.tone import Exposure, Tone, expose, find_white
 from jotlight.images.video import DEFAULT_FPS, is_floats, video_writer
 from jotlight.layout import looks_like_color
 from jotlight.paths import as_path

@@ -16,10 +16,9 @@ from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.records.records import image_facts, tone_facts
 from jotlight.images.clipping import Clipping
-from jotlight.images.exposure import display_tone
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
-from jotlight.images.tone import CURVES, Tone, check_curve
+from jotlight.images.tone import CURVES, Tone, check_curve, display_tone
 from jotlight.images.video import DEFAULT_FPS, check_kind, is_floats
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.parameters.provenance import Provenance

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.images.exposure import display_tone, find_white
-from jotlight.images.tone import Tone
+from jotlight.images.tone import Tone, display_tone, find_white
 
 DIM = np.linspace(0, 0.05, 400, dtype=np.float32).reshape(20, 20)
 
