@@ -20,8 +20,8 @@ ENGINE = "_engine"
 
 ORDER = (
     "errors array_types kept seeds arrays checks parameter_names notebook blur squares underflow "
-    "drawing figures progress chunks interrupts layout memory output_files output_links disk_space "
-    "temporary_names files tensors paths < sensing < calibration formats metrics < "
+    "figure_style figures progress chunks interrupts layout memory output_files output_links "
+    "disk_space temporary_names files tensors paths < sensing < calibration formats metrics < "
     "estimators images < datasets networks < motion training < torch plots < evaluation < dask "
     "experiments < view < cli napari < jotlight"
 )

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import positive_number, refuse_masked, require_intensities, to_array
-from jotlight.drawing import INK, MARK, QUIET
 from jotlight.errors import counted
+from jotlight.figure_style import INK, MARK, QUIET
 from jotlight.files import atomic_write
 from jotlight.networks.figure import draw_layers
 from jotlight.networks.network import Network

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.calibration.fields import CalibrationFields
 from jotlight.calibration.steadiness import Steadiness
-from jotlight.drawing import INK, MARK, QUIET, draw_absence, set_title
+from jotlight.figure_style import INK, MARK, QUIET, draw_absence, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jotlight.drawing import set_title
 from jotlight.errors import plural
+from jotlight.figure_style import set_title
 from jotlight.networks.layer import Layer
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array
-from jotlight.drawing import MARK, QUIET, draw_absence, set_title
+from jotlight.figure_style import MARK, QUIET, draw_absence, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array
-from jotlight.drawing import MARK, QUIET, set_title
 from jotlight.errors import counted
+from jotlight.figure_style import MARK, QUIET, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""The style of drawings."""
+"""The style of figures."""
 
 from typing import TYPE_CHECKING
 
