@@ -45,7 +45,6 @@ __all__ = [
     "fit_affine",
     "fit_blocks",
     "forward",
-    "forward_bits",
     "gradient",
     "inner_products",
     "inverse_anscombe_algebraic",
@@ -54,7 +53,6 @@ __all__ = [
     "joint_maximum",
     "joint_solution",
     "kernel_taps",
-    "level_range",
     "level_weights",
     "likelihood_admm_update",
     "likelihood_gradient_and_curvature",
@@ -531,7 +529,6 @@ class Network:
 def conditioning_weights(
     trials: float, trials_range: tuple[float, float], sets: int
 ) -> npt.NDArray[np.float64]: ...
-def level_range(smallest: float, largest: float) -> list[int]: ...
 def level_weights(
     maps: Sequence[npt.NDArray[np.float32]],
 ) -> list[list[tuple[int, npt.NDArray[np.float32]]]]: ...
@@ -622,13 +619,6 @@ def readings_moments(
 def forward(
     layers: list[Layer],
     sums: list[npt.NDArray[np.float32]],
-    out: list[npt.NDArray[np.float32]],
-    threads: int | None,
-) -> None: ...
-def forward_bits(
-    layers: list[Layer],
-    packed: list[npt.NDArray[np.uint8]],
-    width: int,
     out: list[npt.NDArray[np.float32]],
     threads: int | None,
 ) -> None: ...

@@ -85,8 +85,7 @@ mod _engine {
     #[pymodule_export]
     use super::network::{
         PreparedLayer, PyNetwork, activate, activate_backward, conditioning_weights, forward,
-        forward_bits, gradient, level_range, level_weights, local_trials, normal_equations,
-        squared_errors,
+        gradient, level_weights, local_trials, normal_equations, squared_errors,
     };
     #[pymodule_export]
     use super::sensing::{

@@ -1,12 +1,9 @@
 """The K-conditioned network for maps of trials, and for more trials than it knows."""
 
-import itertools
-
 import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight._engine import level_range
 from jotlight.estimators.trial_levels import local_trials
 from jotlight.networks.inference.trials_map import denoise_fractions, denoise_map
 from reference import trials_map as reference
@@ -131,12 +128,3 @@ def test_more_trials_than_the_network_knows_improve_the_image(
     network = np.clip(NETWORK.denoise_probability(ones / trials_map, 256), 0, 1)
     assert quality > psnr(network, truth) + gain_of_network
     assert quality > psnr(ones / trials_map, truth) + gain_of_counts
-
-
-def test_levels_have_small_ratios_and_both_ends():
-    for smallest, largest in ((1, 256), (3, 100), (17, 17), (0.2, 1.4), (200, 256)):
-        levels = level_range(smallest, largest)
-        assert levels[0] == max(1, round(smallest))
-        assert levels[-1] == max(1, round(largest))
-        # Rounding increases the ratio √2 of small levels.
-        assert all(b <= np.sqrt(2) * a + 1 for a, b in itertools.pairwise(levels))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from jotlight._engine import forward_bits
+from jotlight.networks.inference.engine_backed import sensor_model
 from suite.case import Case, Rival, relative_difference
 from suite.tasks.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, unpacked, untied
 
@@ -16,15 +16,15 @@ NUMPY, TORCH = "NumPy, unpackbits and einsum", "PyTorch, conv2d with a stride"
 def cases(quick: bool) -> Iterator[Case]:
     layer = untied(jl.pretrained(SENSOR, "two-layer")).layers[0]
     side = SENSOR.oversampling
-    # The spline of coefficients on a line is that line, so this spline is the identity.
-    largest = float(layer.filters.sum())
-    line = np.linspace(-largest / 4, 5 * largest / 4, 7)[None]
-    linear = jl.Layer(layer.filters, line, 0.0, largest / 4).engine_layer
+    # A network limits its output to [0, S]. No sum exceeds that of all weights.
+    sensor = SENSOR.replace(max_intensity=float(layer.filters.sum()))
+    network = jl.Network([jl.Layer(layer.filters, None)], sensor).engine_network
+    model = sensor_model(sensor)
 
     def sums(threads: int) -> np.ndarray:
         packed, width = bits().packed, bits().width
         out = np.empty((1, HEIGHT, WIDTH), np.float32)
-        forward_bits([linear], [packed], width, list(out), threads)
+        network.bits([packed], width, side, model, list(out), threads)
         return out
 
     def numpy_sums() -> np.ndarray:

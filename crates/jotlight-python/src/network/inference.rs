@@ -1,8 +1,7 @@
-//! The forward pass of layers: from bits or sums to images in arrays of the caller.
+//! The forward pass of layers: from sums to images in arrays of the caller.
 
-use jotlight::bits::PackedBits;
 use jotlight::network::{Compiled, write_images};
-use numpy::{PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
+use numpy::{PyReadonlyArray3, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use super::layers::{PreparedLayer, engine_layers};
@@ -24,26 +23,6 @@ pub fn forward(
     run(py, threads, || {
         write_images(sums, out, |sums, out| {
             f32::forward_planes(&layers, sums, out)
-        })
-    })
-}
-
-/// Write the images that the network computes from the bits of each into `out`.
-#[pyfunction]
-pub fn forward_bits(
-    py: Python<'_>,
-    layers: Vec<Py<PreparedLayer>>,
-    packed: Vec<PyReadonlyArray3<'_, u8>>,
-    width: usize,
-    mut out: Vec<PyReadwriteArray2<'_, f32>>,
-    threads: Option<isize>,
-) -> PyResult<()> {
-    let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
-    let out: Vec<_> = out.iter_mut().map(|out| out.as_array_mut()).collect();
-    let layers = engine_layers(&layers);
-    run(py, threads, || {
-        write_images(packed, out, |packed, out| {
-            f32::forward_bits(&layers, &PackedBits::new(packed, width)?, out)
         })
     })
 }

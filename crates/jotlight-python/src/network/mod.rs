@@ -7,9 +7,9 @@ mod splines;
 mod training;
 mod trials;
 
-pub use inference::{forward, forward_bits};
+pub use inference::forward;
 pub use layers::PreparedLayer;
 pub use model::PyNetwork;
 pub use splines::{activate, activate_backward};
 pub use training::{gradient, normal_equations, squared_errors};
-pub use trials::{conditioning_weights, level_range, level_weights, local_trials};
+pub use trials::{conditioning_weights, level_weights, local_trials};

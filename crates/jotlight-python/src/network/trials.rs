@@ -46,12 +46,6 @@ pub fn conditioning_weights(
     Ok(weights.map_err(to_python)?.into_pyarray(py))
 }
 
-/// Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
-#[pyfunction]
-pub fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
-    network::level_range(smallest, largest)
-}
-
 /// The levels of a map, and their weights at each pixel.
 type PyLevels<'py> = Vec<(u32, Bound<'py, PyArray2<f32>>)>;
 

@@ -9,6 +9,8 @@ fn levels_have_ratios_of_at_most_the_root_of_two() {
     assert_eq!(level_range(3.0, 30.0), [3, 4, 6, 8, 11, 15, 21, 30]);
     assert_eq!(level_range(4.0, 30.0), [4, 6, 8, 11, 15, 21, 30]);
     assert_eq!(level_range(5.2, 5.4), [5]);
+    assert_eq!(level_range(0.2, 0.9), [1]);
+    assert_eq!(level_range(199.6, 256.2), [200, 256]);
     for last in 1..2000 {
         let levels = level_range(1.0, f64::from(last));
         assert_eq!((levels[0], levels[levels.len() - 1]), (1, last));
@@ -20,6 +22,16 @@ fn levels_have_ratios_of_at_most_the_root_of_two() {
                 .clone()
                 .all(|(&low, &high)| { f64::from(high) - 0.5 <= 1.415 * (f64::from(low) + 0.5) })
         );
+    }
+}
+
+#[test]
+fn levels_above_the_smallest_depend_on_the_largest_alone() {
+    let all = level_range(1.0, 256.0);
+    for smallest in [2.0, 7.4, 100.0, 255.0] {
+        let levels = level_range(smallest, 256.0);
+        assert_eq!(levels[0], smallest.round() as u32);
+        assert!(all.ends_with(&levels[1..]), "{levels:?}");
     }
 }
 
