@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.planes_network import FilmNetwork
 from jotlight.networks.pretrained import FILM_FILE
 
 TOOLS = Path(__file__).parents[2] / "tools"
