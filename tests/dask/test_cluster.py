@@ -2,13 +2,11 @@
 
 import contextlib
 import json
-import multiprocessing
 import os
 import random
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import dask
@@ -328,29 +326,3 @@ def test_warnings_of_workers_are_issued_by_the_command(tmp_path, capfd):
     with pytest.warns(jl.JotlightWarning, match="1 of 72 pixels have no valid bit"):
         assert run([*command, "--window", "16", "--workers", "1"]) == 0
     assert "no valid bit" not in "".join(capfd.readouterr())
-
-
-def test_a_worker_that_ends_while_the_cluster_starts_is_one_line(capture, tmp_path, capsys):
-    def kill_the_first():
-        while not (children := multiprocessing.active_children()):
-            time.sleep(0.01)
-        os.kill(children[0].pid, signal.SIGKILL)
-
-    thread = threading.Thread(target=kill_the_first)
-    thread.start()
-    output = str(tmp_path / "video.zarr")
-    assert run(["reconstruct", str(capture), "-o", output, *WINDOW, "--workers", "2"]) == 1
-    thread.join()
-    error = " ".join(capsys.readouterr().err.split())
-    assert "error: workers: one of 2 ended while it started" in error
-    assert not multiprocessing.active_children()
-
-
-@exhaustive
-def test_workers_that_die_while_they_start_are_replaced():
-    with connected(None, 2) as client:
-        for _ in range(8):
-            for process in multiprocessing.active_children():
-                os.kill(process.pid, signal.SIGKILL)
-            time.sleep(0.3)
-        assert client.submit(lambda: 42).result(timeout=100) == 42

@@ -62,7 +62,7 @@ class SaddlePoints:
         level : float
             The true light.
         top : float
-            The light up to which estimates are told apart.
+            The largest light that estimates are compared with.
         """
         _, readings, p = group.probabilities(np.array([level]))
         occur = p > _MIN_PROBABILITY
