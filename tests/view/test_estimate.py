@@ -170,6 +170,20 @@ def test_a_mosaic_is_aligned():
     np.testing.assert_array_equal(image.image, jl.reconstruct(merged))
 
 
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+def test_the_method_of_aligned_pixels_that_lack_a_color_is_stated():
+    sensor = jl.Sensor(frames=4, mosaic="RGGB")
+    bits = sensor.expose(np.full((16, 16, 3), 0.5), rng=0)
+    trials = np.full((16, 16, 3), 4.0)
+    trials[:8, :, 2] = 0
+    gray = sensor.replace(mosaic=None)
+    merged = jl.Merged(np.where(trials > 0, 2, 0), trials, gray, channel_axis=-1)
+    image = estimate(Viewed.from_data(bits), range(4), COLOR_NETWORK, bits.counts(), merged)
+    assert (image.method, image.title) == ("network-medium", "network, medium")
+    known = jl.uncertainty(merged, method=image.method, estimate=image.image)
+    np.testing.assert_array_equal(find_errors(image), known.standard_error)
+
+
 def test_without_a_stated_range_the_largest_intensity_is_that_of_saturation():
     bits = jl.Sensor(frames=16).expose(3 * PHOTO, rng=0)
     viewed = Viewed("bits", bits, bits.sensor)
