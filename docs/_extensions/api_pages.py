@@ -60,6 +60,9 @@ USED_NAMES = {
 }
 """Names outside `__all__` that the guide and the examples import."""
 
+INTERNAL_MEMBERS = ("engine_network", "sharing_engine")
+"""Members of base classes that only the package uses."""
+
 _INTRODUCTION = """\
 This reference describes every public name of jotlight. Examples begin with
 ``import jotlight as jl`` and ``import numpy as np``. Names that are not listed here may change
@@ -189,7 +192,8 @@ def _inherited_members(value: type, names: Sequence[Name]) -> str:
     with_pages = {id(each.value) for each in names}
     for number, base in enumerate(value.__mro__[1:]):
         if not base.__module__.startswith("jotlight.") or id(base) in with_pages:
-            return f"   :inherited-members: {base.__name__}\n" if number else ""
+            hidden = f"   :exclude-members: {', '.join(INTERNAL_MEMBERS)}\n"
+            return f"   :inherited-members: {base.__name__}\n{hidden}" if number else ""
     return ""
 
 
