@@ -20,13 +20,13 @@ def run_encoded(encoding, *arguments):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-def test_help_is_complete_where_the_encoding_lacks_characters(encoding):
+def test_help_is_complete_where_the_encoding_lacks_characters():
     whole = run_encoded("utf-8", "simulate", "--help")
-    output = run_encoded(encoding, "simulate", "--help")
     assert "K̂: each pixel" in whole
-    assert "K?: each pixel" in output
-    assert whole.splitlines()[-2].strip("│ ") == output.splitlines()[-2].strip("| ")
+    for encoding in ("ascii", "cp1252"):
+        output = run_encoded(encoding, "simulate", "--help")
+        assert "K?: each pixel" in output
+        assert whole.splitlines()[-2].strip("│ ") == output.splitlines()[-2].strip("| ")
 
 
 @pytest.mark.slow

@@ -92,7 +92,7 @@ def test_another_scene_is_aligned_afresh():
         PHOTO[200:], "shake", sensor=jl.Sensor(frames=64), shape=(64, 64), photons=0.5, rng=5
     )
     packed = np.concatenate([first.packed, np.asarray(second.bits.packed)])
-    images = list(film(jl.Bits(packed, first.width), window=32, step=8))
+    images = list(film(jl.Bits(packed, first.width), window=32, step=16))
     assert not all(image.is_carried for image in images[1:])
     assert images[-1].merged.acceptance.mean() > 0.9
 
