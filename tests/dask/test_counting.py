@@ -23,24 +23,35 @@ def naive_counts(bits, window, step):
     return np.stack([frames[start : start + window].sum(0) for start in starts])
 
 
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory):
+    """Return bits in a file."""
+    path = tmp_path_factory.mktemp("bits") / "bits.npy"
+    np.save(path, random_bits(40).packed)
+    return jl.Bits(np.load(path, mmap_mode="r"), 13)
+
+
 @pytest.mark.slow
 @given(
     frames=st.integers(1, 40),
     window=st.integers(1, 40),
     step=st.integers(1, 50),
     chunk=st.integers(1, 45),
+    images=st.integers(1, 50),
 )
-@settings(max_examples=25, deadline=None)
-def test_counts_of_windows_do_not_depend_on_the_chunks(frames, window, step, chunk):
-    window = min(window, frames)
-    bits = random_bits(frames)
-    counts = jl.dask.count(bits.to_dask(chunk), window, step, width=13)
-    with dask.config.set(scheduler="sync"):
-        result = counts.compute()
+@settings(max_examples=40, deadline=None)
+def test_counts_of_windows_do_not_depend_on_the_chunks(mapped, frames, window, step, chunk, images):
+    window, bits = min(window, frames), mapped[:frames]
     expected = naive_counts(bits, window, step)
-    assert counts.shape == expected.shape
-    assert result.dtype == np.int32
-    np.testing.assert_array_equal(result, expected)
+    with pytest.MonkeyPatch.context() as patch, dask.config.set(scheduler="sync"):
+        patch.setattr(pieces, "PART_BYTES", chunk * bits.packed[:1].nbytes)
+        patch.setattr(pieces, "MAX_BYTES", images * 4 * 6 * 13)
+        for x in (bits.to_dask(chunk), bits, jl.Bits(np.array(bits.packed), 13)):
+            counts = jl.dask.count(x, window, step, width=13)
+            result = counts.compute()
+            assert counts.shape == expected.shape
+            assert result.dtype == np.int32
+            np.testing.assert_array_equal(result, expected)
 
 
 def test_each_chunk_of_the_result_has_the_stated_size():
@@ -56,10 +67,9 @@ def test_counts_cover_pixels_of_several_jots_and_channels():
     np.testing.assert_array_equal(counts.compute(), expected)
 
 
-def test_chunks_with_many_pieces_are_divided(monkeypatch):
+def test_chunks_with_many_windows_are_divided(monkeypatch):
     bits = random_bits(64)
-    for module in (counting, pieces):
-        monkeypatch.setattr(module, "MAX_BYTES", 4 * 6 * 13 * 5)
+    monkeypatch.setattr(pieces, "MAX_BYTES", 4 * 6 * 13 * 15)
     counts = jl.dask.count(bits.to_dask(64), 4, 1, width=13)
     np.testing.assert_array_equal(counts.compute(), naive_counts(bits, 4, 1))
     assert max(counts.chunks[0]) <= 5

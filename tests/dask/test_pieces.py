@@ -29,7 +29,42 @@ def test_chunks_of_bits_hold_whole_windows_where_these_do_not_overlap(
     monkeypatch.setattr(pieces, "PART_BYTES", 30 * 16 * 3 + 5)
     found = Pieces.of(random_bits(90), window, step)
     assert found.x.chunks[0][:3] == expected
-    assert found.are_windows == (window <= step < 30)
+    is_whole = all(len(group.chunks) == 1 for group in found.groups)
+    assert is_whole == (window <= step < 30)
+
+
+@pytest.mark.parametrize("chunk", [7, 30, 90])
+@pytest.mark.parametrize("step", [1, 4])
+def test_a_task_has_few_images_of_windows_that_overlap(chunk, step, monkeypatch):
+    """A window of 60 frames has up to 60 pieces, and all of them have more than the limit."""
+    limit = 15
+    monkeypatch.setattr(pieces, "MAX_BYTES", limit * 4 * 16 * 24)
+    for spans, chunks in Pieces.of(random_bits(90).to_dask(chunk), 60, step, width=24).groups:
+        images = sum(len(spans.pieces(frames)) for _, frames in chunks) + spans.number
+        assert images <= limit + len(chunks)
+
+
+def test_files_are_read_once_for_a_group_of_windows_that_overlap(tmp_path):
+    np.save(tmp_path / "bits.npy", np.asarray(random_bits(90).packed))
+    bits = jl.open(tmp_path / "bits.npy", counts=False)
+    (group,) = Pieces.of(bits, 7, 3).groups
+    assert group.chunks == [(0, range(88))]
+
+
+def test_only_images_that_leave_and_enter_a_window_are_added():
+    class Images(list):
+        added = 0
+
+        def __getitem__(self, key):
+            part = list.__getitem__(self, key)
+            self.added += len(part) if isinstance(key, slice) else 0
+            return part
+
+    images = Images(np.random.default_rng(0).integers(0, 9, (100, 2, 3), np.int32))
+    ranges = [(first, first + 60) for first in range(41)]
+    sums = [total.copy() for total in chunk_counting._sums_of_ranges(images, ranges)]
+    np.testing.assert_array_equal(sums, [sum(list(images)[a:b]) for a, b in ranges])
+    assert images.added == 60 + 2 * 40
 
 
 @pytest.mark.parametrize("channels", [(), (3,)])
@@ -51,17 +86,18 @@ def test_estimates_are_those_of_the_counts_whatever_the_number_of_images_in_the_
     np.testing.assert_array_equal(video, expected)
 
 
+@pytest.mark.parametrize("step", [3, 8, 10])
 @pytest.mark.parametrize("frames", [1, 5, 8, 20, 1000])
-def test_files_are_read_in_parts_of_whole_pieces(frames, tmp_path, monkeypatch):
+def test_files_are_read_in_parts_of_whole_pieces(frames, step, tmp_path, monkeypatch):
     bits = random_bits(83)
     path = tmp_path / "bits.npy"
     np.save(path, np.asarray(bits.packed))
     monkeypatch.setattr(chunk_counting, "PART_BYTES", frames * 16 * 3)
     capture, sensor = jl.open(path, counts=False), jl.Sensor(frames=8)
-    counts = jl.dask.count(capture, 8, 10).compute(scheduler="sync")
-    parts = [bits[start : start + 8].counts() for start in range(0, 76, 10)]
+    counts = jl.dask.count(capture, 8, step).compute(scheduler="sync")
+    parts = [bits[start : start + 8].counts() for start in range(0, 76, step)]
     np.testing.assert_array_equal(counts, parts)
-    video = jl.dask.reconstruct(capture, sensor, 8, 10, method="mle").compute(scheduler="sync")
+    video = jl.dask.reconstruct(capture, sensor, 8, step, method="mle").compute(scheduler="sync")
     expected = [jl.reconstruct(part, sensor, method="mle") for part in parts]
     np.testing.assert_array_equal(video, expected)
 
@@ -120,7 +156,7 @@ def test_arrays_of_the_same_files_with_other_chunks_are_counted_together(tmp_pat
 def test_a_source_with_fewer_frames_than_its_chunk_is_refused():
     block = np.zeros((7, 16, 3), np.uint8)
     with pytest.raises(RuntimeError, match="expected frames 4 to 8 of a chunk, got 3"):
-        chunk_counting.count_pieces(block, range(8), Spans(4, 4, 2), 24, 1, jl.__version__, None)
+        chunk_counting.count_windows(block, range(8), Spans(4, 4, 2), 24, 1, jl.__version__, None)
 
 
 @pytest.mark.parametrize("options", [{"oversampling": 0}, {"width": 0}])

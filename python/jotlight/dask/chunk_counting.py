@@ -1,6 +1,7 @@
-"""What a worker does with a chunk of frames: it counts or estimates the images of their pieces."""
+"""What a worker does with frames: it counts or estimates the images of windows, or of pieces."""
 
 import bisect
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,7 +49,7 @@ def image_shape(shape: tuple[int, ...], width: int, oversampling: int) -> tuple[
     return height // oversampling, width // oversampling, *channels
 
 
-def count_pieces(
+def count_windows(
     source: FrameSource | npt.NDArray[np.uint8],
     chunk: range,
     spans: Spans,
@@ -57,36 +58,124 @@ def count_pieces(
     version: str,
     estimator: "Estimator | None",
 ) -> npt.NDArray[np.int32] | npt.NDArray[np.float32]:
-    """Return the counts of all pieces of a chunk, or the estimates of an estimator for them.
+    """Return the counts of windows, or the estimates of an estimator for them.
 
-    The source is all frames of a capture, or those of the chunk. The worker must have the caller's
-    version.
+    The source is all frames of a capture, or those of a chunk that contains the windows. The worker
+    must have the caller's version.
     """
     check_version(version)
-    pieces = spans.pieces(chunk.start, chunk.stop)
+    frames = range(spans.start, spans.stop)
+    if spans.overlap:
+        partial = count_pieces(source, chunk, frames, spans, width, oversampling, version)
+        return sum_pieces([partial], [frames], spans, version, estimator)
+    pieces = spans.pieces(frames)
     shape = image_shape(source.shape, width, oversampling)
-    parts = _Parts(source, chunk, [b for _, b in pieces])
-    # One large array has large pages. New memory of small ones takes a quarter of the time of
-    # counting.
-    if estimator is None:
-        counts = np.empty((len(pieces), *shape), np.int32)
-        _count(parts, pieces, width, oversampling, counts)
-        return counts
-    estimates = np.empty(estimator.estimate_shape((len(pieces), *shape)), np.float32)
+    parts = _Parts(source, chunk, pieces)
     # A table for large K has more values than there are pixels.
     is_short = spans.window <= parts.frames and spans.window * oversampling**2 < np.prod(shape)
-    if is_short and estimator.has_table:
+    if estimator is not None and is_short and estimator.has_table:
         table = estimator.table()
+        estimates = np.empty(estimator.estimate_shape((len(pieces), *shape)), np.float32)
         for image, (a, b) in zip(estimates, pieces, strict=True):
             look_up_counts(parts.read(a, b), width, oversampling, table, image, threads=1)
         return estimates
-    group = max(1, _CACHED_PIXELS // int(np.prod(shape)))
-    counts = np.empty((min(group, len(pieces)), *shape), np.int32)
-    for first in range(0, len(pieces), group):
-        part = pieces[first : first + group]
-        _count(parts, part, width, oversampling, counts[: len(part)])
-        estimator(counts[: len(part)], estimates[first : first + group])
+
+    def write(first: int, counts: npt.NDArray[np.int32]) -> None:
+        _count(parts, pieces[first : first + len(counts)], width, oversampling, counts)
+
+    return _results(estimator, (len(pieces), *shape), write)
+
+
+def count_pieces(
+    source: FrameSource | npt.NDArray[np.uint8],
+    chunk: range,
+    frames: range,
+    spans: Spans,
+    width: int,
+    oversampling: int,
+    version: str,
+) -> npt.NDArray[np.int32]:
+    """Return the counts of the pieces of some frames, for windows of which other chunks have more.
+
+    The source is all frames of a capture, or those of a chunk.
+    """
+    check_version(version)
+    pieces = spans.pieces(frames)
+    # One large array has large pages. New memory of small ones takes a quarter of the time of
+    # counting.
+    shape = image_shape(source.shape, width, oversampling)
+    counts = np.empty((len(pieces), *shape), np.int32)
+    _count(_Parts(source, chunk, pieces), pieces, width, oversampling, counts)
+    return counts
+
+
+def sum_pieces(
+    parts: list[npt.NDArray[np.int32]],
+    frames: list[range],
+    spans: Spans,
+    version: str,
+    estimator: "Estimator | None",
+) -> npt.NDArray[np.int32] | npt.NDArray[np.float32]:
+    """Return the counts of windows, or the estimates for them, from the counts of their pieces.
+
+    The pieces of each part are those of some frames.
+    """
+    check_version(version)
+    pieces = [piece for some in frames for piece in spans.pieces(some)]
+    images = [image for part in parts for image in part]
+    sums = _sums_of_ranges(images, spans.ranges(pieces))
+
+    def write(first: int, counts: npt.NDArray[np.int32]) -> None:
+        for image in counts:
+            image[...] = next(sums)
+
+    return _results(estimator, (spans.number, *parts[0].shape[1:]), write)
+
+
+def _results(
+    estimator: "Estimator | None",
+    shape: tuple[int, ...],
+    write: Callable[[int, npt.NDArray[np.int32]], None],
+) -> npt.NDArray[np.int32] | npt.NDArray[np.float32]:
+    """Return the counts of images of a shape (N, H, W) or (N, H, W, C), or the estimates of them.
+
+    `write(first, counts)` writes the counts of the images from number `first`, in order.
+    """
+    if estimator is None:
+        counts = np.empty(shape, np.int32)
+        write(0, counts)
+        return counts
+    estimates = np.empty(estimator.estimate_shape(shape), np.float32)
+    number, *image = shape
+    group = max(1, _CACHED_PIXELS // int(np.prod(image)))
+    counts = np.empty((min(group, number), *image), np.int32)
+    for first in range(0, number, group):
+        some = counts[: number - first]
+        write(first, some)
+        estimator(some, estimates[first : first + group])
     return estimates
+
+
+def _sums_of_ranges(
+    images: list[npt.NDArray[np.int32]], ranges: list[tuple[int, int]]
+) -> Iterator[npt.NDArray[np.int32]]:
+    """Yield the sum of each range of images, in the same array. Whole numbers have exact sums.
+
+    If a range overlaps the one before, only the images that leave and enter it are added.
+    """
+    total, before, end = np.zeros_like(images[0]), 0, 0
+    for first, stop in ranges:
+        if first - before + stop - end < stop - first:
+            for image in images[before:first]:
+                total -= image
+            for image in images[end:stop]:
+                total += image
+        else:
+            total[...] = 0
+            for image in images[first:stop]:
+                total += image
+        before, end = first, stop
+        yield total
 
 
 def _count(
@@ -107,22 +196,25 @@ def _count(
 
 
 class _Parts:
-    """The frames of a chunk. Those in files are mapped or read in parts of whole pieces.
+    """The frames of pieces. Those in files are mapped or read in parts of whole pieces.
 
     Parameters
     ----------
     source : FrameSource or ndarray of uint8
-        All frames of a capture, or those of the chunk.
+        All frames of a capture, or those of a chunk.
     chunk : range
-        The numbers of the frames.
-    ends : list of int
-        The end of each piece.
+        The numbers of the frames of the source.
+    pieces : list of (int, int)
+        The first frame and the end of each piece.
     """
 
     def __init__(
-        self, source: FrameSource | npt.NDArray[np.uint8], chunk: range, ends: list[int]
+        self,
+        source: FrameSource | npt.NDArray[np.uint8],
+        chunk: range,
+        pieces: list[tuple[int, int]],
     ) -> None:
-        self._source, self._ends = source, ends
+        self._source, self._ends = source, [end for _, end in pieces]
         self.frames = max(1, PART_BYTES // max(1, int(np.prod(source.shape[1:]))))
         """Number of frames that are mapped or read at once."""
         self._known, self._part = range(0), np.empty(0, np.uint8)

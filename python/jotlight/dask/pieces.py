@@ -1,22 +1,30 @@
-"""The pieces of a capture: frames between two edges of windows or of chunks.
+"""The division of windows among workers.
 
-The frames are cut into *pieces* at the beginning and the end of each window and of each chunk. The
-ones of each piece are counted once, where the chunk is. Only counts or estimates move between
-workers, never frames.
+A task makes the images of a *group* of windows. If their frames lie in several chunks, they are cut
+into *pieces* at the beginning and the end of each window and of each chunk. The ones of each piece
+are counted where the chunk is, and another task adds the counts. Only counts or estimates move
+between workers, never frames.
 """
 
 import dataclasses
 import itertools
 import math
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight._engine import __version__
 from jotlight.checks import whole_number
 from jotlight.chunks import windows
-from jotlight.dask.chunk_counting import PART_BYTES, count_pieces, image_shape
+from jotlight.dask.chunk_counting import (
+    PART_BYTES,
+    count_pieces,
+    count_windows,
+    image_shape,
+    sum_pieces,
+)
 from jotlight.dask.spans import Spans
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.lazy import FrameSource, files_of, import_dask_array
@@ -28,16 +36,28 @@ if TYPE_CHECKING:
     from jotlight.dask.estimator import Estimator
 
 MAX_BYTES = 1 << 27
-"""Maximum size of a chunk of counts, unless one image is larger."""
+"""Maximum size of the counts of a task, unless those of one window are larger."""
 
 _FAST_CHUNK, _FAST_CHUNKS = 1 << 30, 4
 """Largest chunk of bits if their estimate is about as fast as counting, and the number of smaller
 chunks. Workers wait for the scheduler between chunks."""
 
+_OVERLAP = 3
+"""Number of images of counts for each of several windows that overlap: their sum, and the counts of
+a piece at the beginning and of one at the end."""
+
+
+class Group(NamedTuple):
+    """Windows that a task counts or estimates, and their frames in each chunk."""
+
+    spans: Spans
+    chunks: list[tuple[int, range]]
+    """The number of each chunk, and its frames that belong to the windows."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Pieces:
-    """The pieces of a lazy array of packed bits, with what counts them.
+    """A lazy array of packed bits, and the division of its windows among workers.
 
     Parameters
     ----------
@@ -49,8 +69,8 @@ class Pieces:
         W: the true width in jots.
     oversampling : int
         K̂.
-    in_chunks : list of list of (int, int)
-        The first frame and the end of each piece, for each chunk.
+    groups : list of Group
+        All windows.
     files : FrameSource, optional
         The files of the bits. Workers then read them without `x`.
 
@@ -58,17 +78,15 @@ class Pieces:
     --------
     >>> bits = jl.Bits.from_array(np.ones((100, 16, 16), bool))
     >>> pieces = Pieces.of(bits.to_dask(chunks=48), window=32, width=16)
-    >>> pieces.in_chunks
-    [[(0, 32), (32, 48)], [(48, 64), (64, 96)]]
-    >>> pieces.are_windows
-    False
+    >>> [group.chunks for group in pieces.groups]
+    [[(0, range(0, 48)), (1, range(48, 64))], [(1, range(64, 96))]]
     """
 
     x: "dask.array.Array"
     spans: Spans
     width: int
     oversampling: int
-    in_chunks: list[list[tuple[int, int]]]
+    groups: list[Group]
     files: FrameSource | None = None
 
     @classmethod
@@ -102,31 +120,24 @@ class Pieces:
             files = files_of(x.packed)
             x = x.to_dask(_frames_of_chunk(x, spans, is_fast=is_fast))
         oversampling = 1 if oversampling is None else oversampling
-        x = _limited(x[: spans.stop], spans, image_shape(x.shape, width, oversampling))
-        bounds = itertools.pairwise(np.cumsum([0, *x.chunks[0]]))
-        in_chunks = [spans.pieces(int(a), int(b)) for a, b in bounds]
-        return cls(x, spans, width, oversampling, in_chunks, files)
-
-    @property
-    def are_windows(self) -> bool:
-        """Whether each piece is a whole window, and each chunk has some."""
-        starts = range(0, self.spans.number * self.spans.step, self.spans.step)
-        whole = [(a, a + self.spans.window) for a in starts]
-        return all(self.in_chunks) and list(itertools.chain(*self.in_chunks)) == whole
+        x = x[: spans.stop]
+        image = image_shape(x.shape, width, oversampling)
+        groups = _divide(spans, x.chunks[0], image, in_files=files is not None)
+        return cls(x, spans, width, oversampling, groups, files)
 
     @property
     def image_shape(self) -> tuple[int, ...]:
-        """The shape of the counts of a piece, (H, W) or (H, W, C)."""
+        """The shape of the counts of a window, (H, W) or (H, W, C)."""
         return image_shape(self.x.shape, self.width, self.oversampling)
 
     def count(self) -> "dask.array.Array":
-        """Return the counts of all pieces, int32 of shape (N, H, W) or (N, H, W, C)."""
+        """Return the counts of all windows, int32 of shape (N, H, W) or (N, H, W, C)."""
         return self._map(None, self.image_shape, np.int32)
 
     def estimate(self, estimator: "Estimator") -> "dask.array.Array":
-        """Return the estimates of the counts of all pieces, which must be windows.
+        """Return the estimates of the counts of all windows.
 
-        Each piece is estimated as soon as it is counted, so its counts are still in the cache, and
+        Each window is estimated as soon as it is counted, so its counts are still in the cache, and
         need no memory of their own.
         """
         shape = estimator.estimate_shape((1, *self.image_shape))[1:]
@@ -135,7 +146,7 @@ class Pieces:
     def _map(
         self, estimator: "Estimator | None", shape: tuple[int, ...], dtype: type[np.generic]
     ) -> "dask.array.Array":
-        """Return the counts or estimates of all pieces, with one task for each chunk.
+        """Return the counts or estimates of all windows.
 
         The tasks are listed one by one. To derive them from the description that `map_blocks`
         makes takes the scheduler six times as long.
@@ -144,20 +155,41 @@ class Pieces:
         from dask.base import tokenize
         from dask.highlevelgraph import HighLevelGraph
 
-        options = (self.spans, self.width, self.oversampling, __version__, estimator)
-        name = f"pieces-{tokenize(self.x.name, self.x.chunks, *options)}"
-        zeros, graph = (0,) * (self.x.ndim - 1), {}
-        for index, (a, b) in enumerate(itertools.pairwise(np.cumsum([0, *self.x.chunks[0]]))):
-            source = (self.x.name, index, *zeros) if self.files is None else self.files
+        options = self.width, self.oversampling, __version__
+        data = self.x.name, self.x.chunks, self.files is None
+        token = tokenize(*data, self.spans, *options, estimator)
+        name, sources = f"windows-{token}", self._sources()
+        graph: dict[tuple[Any, ...], tuple[Any, ...]] = {}
+        for index, (spans, chunks) in enumerate(self.groups):
             key = (name, index, *(0 for _ in shape))
-            graph[key] = (count_pieces, source, range(int(a), int(b)), *options)
-        sources = [self.x] if self.files is None else []
+            if len(chunks) == 1:
+                source = sources[chunks[0][0]]
+                graph[key] = (count_windows, *source, spans, *options, estimator)
+                continue
+            parts = [(f"pieces-{token}", index, number) for number in range(len(chunks))]
+            for part, (chunk, frames) in zip(parts, chunks, strict=True):
+                graph[part] = (count_pieces, *sources[chunk], frames, spans, *options)
+            every = [frames for _, frames in chunks]
+            graph[key] = (sum_pieces, parts, every, spans, __version__, estimator)
         return array.Array(
-            HighLevelGraph.from_collections(name, graph, dependencies=sources),
+            HighLevelGraph.from_collections(
+                name, graph, dependencies=[self.x] if self.files is None else []
+            ),
             name,
-            (tuple(map(len, self.in_chunks)), *((size,) for size in shape)),
+            (tuple(group.spans.number for group in self.groups), *((size,) for size in shape)),
             meta=np.empty((0,) * (1 + len(shape)), dtype),
         )
+
+    def _sources(self) -> list[tuple[Any, range]]:
+        """Return what tasks read each chunk from, and the numbers of the frames that this holds."""
+        edges = np.cumsum([0, *self.x.chunks[0]]).tolist()
+        if self.files is not None:
+            return [(self.files, range(edges[-1]))] * (len(edges) - 1)
+        zeros = (0,) * (self.x.ndim - 1)
+        return [
+            ((self.x.name, chunk, *zeros), range(*both))
+            for chunk, both in enumerate(itertools.pairwise(edges))
+        ]
 
 
 def _frames_of_chunk(bits: Bits, spans: Spans, *, is_fast: bool) -> int:
@@ -231,9 +263,46 @@ def check_packed_array(x: Any) -> None:
         )
 
 
-def _limited(x: "dask.array.Array", spans: Spans, shape: tuple[int, ...]) -> "dask.array.Array":
-    """Return the array with smaller chunks if the counts of the pieces of one exceed the limit."""
-    per_step = 1 if spans.step >= spans.window else 2
-    max_pieces = max(1, MAX_BYTES // (4 * int(np.prod(shape, dtype=np.int64))))
-    frames = max(1, max_pieces * spans.step // per_step)
-    return x.rechunk({0: frames}) if max(x.chunks[0]) > frames else x
+def _divide(
+    spans: Spans, sizes: tuple[int, ...], image: tuple[int, ...], *, in_files: bool
+) -> list[Group]:
+    """Return the groups of windows: those that begin in a chunk, or in several small chunks.
+
+    A group is smaller if its counts exceed the limit. Its windows overlap those of the next group,
+    so a frame is counted for several groups. To keep its counts would take more memory.
+
+    Parameters
+    ----------
+    spans : Spans
+        All windows.
+    sizes : tuple of int
+        The number of frames of each chunk.
+    image : tuple of int
+        The shape of the counts of a window.
+    in_files : bool
+        Whether tasks read files, so that they can read any frames.
+    """
+    images = 4 * int(np.prod(image, dtype=np.int64)) * (_OVERLAP if spans.overlap else 1)
+    most, least = max(1, MAX_BYTES // images), max(1, spans.window // spans.step)
+    edges, begin, groups = np.cumsum([0, *sizes]), 0, []
+    reads_whole = in_files and spans.window <= max(sizes)
+    for end in np.searchsorted(spans.starts, edges[1:]).tolist():
+        if end - begin < least and end < spans.number:
+            continue
+        for first in range(begin, end, most):
+            part = spans.part(first, min(first + most, end))
+            group = Group(part, [(0, range(part.start, part.stop))])
+            groups.append(group if reads_whole else Group(part, _in_chunks(part, edges)))
+        begin = end
+    return groups
+
+
+def _in_chunks(spans: Spans, edges: npt.NDArray[np.int64]) -> list[tuple[int, range]]:
+    """Return the number of each chunk with frames of windows, and these frames."""
+    first = int(np.searchsorted(edges, spans.start, side="right")) - 1
+    bounds = [
+        spans.start,
+        *edges[(edges > spans.start) & (edges < spans.stop)].tolist(),
+        spans.stop,
+    ]
+    return [(first + index, range(*both)) for index, both in enumerate(itertools.pairwise(bounds))]

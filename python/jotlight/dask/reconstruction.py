@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jotlight.dask.counting import sum_pieces
 from jotlight.dask.estimator import check_countable, choose_estimator
 from jotlight.dask.pieces import Pieces, check_packed_array
 from jotlight.networks.network import Network
@@ -121,18 +120,9 @@ def reconstruct(
         is_fast=estimator.has_table,
     )
     sensor.check_map_shapes(*(size * sensor.oversampling for size in pieces.image_shape[:2]))
-    has_tiles = estimator.is_pixelwise and math.prod(pieces.image_shape[:2]) > _MAX_PIXELS
-    if not has_tiles and pieces.are_windows:
+    if not (estimator.is_pixelwise and math.prod(pieces.image_shape[:2]) > _MAX_PIXELS):
         return pieces.estimate(estimator)
-    counts = sum_pieces(pieces)
-    shape = estimator.estimate_shape(counts.shape)
-    if has_tiles:
-        counts = counts.rechunk({1: _TILE, 2: _TILE})
-    added = shape[counts.ndim :]  # the colors of a mosaic
+    counts = pieces.count().rechunk({1: _TILE, 2: _TILE})
     return counts.map_blocks(
-        estimator,
-        dtype=np.float32,
-        chunks=(*counts.chunks, *((size,) for size in added)),
-        new_axis=list(range(counts.ndim, len(shape))),
-        meta=np.empty((0,) * len(shape), np.float32),
+        estimator, dtype=np.float32, meta=np.empty((0,) * counts.ndim, np.float32)
     )
