@@ -149,6 +149,22 @@ def test_only_methods_that_estimate_each_pixel_by_itself_are_tiled():
     assert set(METHODS) >= {"mle", "held-out"}
 
 
+@pytest.mark.parametrize("method", ["mle", "noniterative-tv", "mle-iterative", "admm-tv"])
+@pytest.mark.parametrize("oversampling", [1, 2])
+def test_counts_are_enough_for_smooth_kernels_unless_a_method_needs_places(method, oversampling):
+    sensor = jl.Sensor(frames=16, kernel="linear", oversampling=oversampling)
+    bits = sensor.expose(np.linspace(0.2, 0.8, 64).reshape(8, 8), rng=0)
+    if oversampling > 1 and method in ("mle-iterative", "admm-tv"):
+        with pytest.raises(
+            ValueError, match=f"{method} needs bits for the kernel linear, .* 2 x 2"
+        ):
+            jl.dask.reconstruct(bits, window=8, method=method)
+        return
+    video = jl.dask.reconstruct(bits, window=8, method=method).compute(scheduler="sync")
+    expected = [jl.reconstruct(part, method=method) for part in bits.windows(8)]
+    np.testing.assert_array_equal(video, expected)
+
+
 @pytest.mark.parametrize("changes", [{"gain": [1.0, 8.0] * 4}, {"read_noise": 0.3}])
 def test_readings_whose_counts_are_not_enough_are_sent_to_other_commands(changes):
     bits = jl.Sensor(frames=8, **changes).expose(np.full((8, 8), 0.5), rng=0)

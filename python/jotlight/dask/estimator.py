@@ -8,9 +8,17 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
 from jotlight.evaluation.choice import Choice, check_fallback
-from jotlight.evaluation.methods import COLOR_NETWORK
+from jotlight.evaluation.contradictions.bright_pixels import bright_in_first_frames
+from jotlight.evaluation.contradictions.clipping import (
+    clipping_of,
+    warn_about_clipping,
+    with_clipping_of,
+)
+from jotlight.evaluation.contradictions.dark_counts import warn_about_dark_counts
+from jotlight.evaluation.methods import COLOR_NETWORK, needs_bits
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.weights import weights_sha256
 from jotlight.evaluation.request import Request
@@ -122,31 +130,40 @@ class Estimator:
         return table
 
     def __call__(
-        self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32] | None = None
+        self,
+        counts: npt.NDArray[np.int32],
+        out: npt.NDArray[np.float32] | None = None,
+        *,
+        warns: bool = False,
     ) -> npt.NDArray[np.float32]:
         """Return the estimates of counts (N, H, W) or (N, H, W, C).
 
         Those of a mosaic are (N, H, W, 3). `out` is an array for them, which is returned. Default:
-        a new one.
+        a new one. With `warns`, warn if the first image contradicts the sensor, as
+        :func:`jotlight.reconstruct` does. To compare an image may take longer than its estimate.
         """
         estimates = np.empty(self.estimate_shape(counts.shape), np.float32) if out is None else out
-        if counts.size > 0:
-            self._estimate(counts, estimates)
+        if counts.size == 0:
+            return estimates
+        if self.is_color:
+            self._estimate_colors(counts, estimates)
+            return estimates
+        images, network = _gray_images(counts), self._network()
+        run_choice(self.choice, self.request, images, self.sensor, estimates, network=network)
+        if warns:
+            self._warn_about_contradictions(_gray_images(counts[:1]), estimates[:1])
         return estimates
 
-    def _estimate(self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]) -> None:
-        """Write the estimates of counts into `out`."""
-        if self.is_color:
-            self._estimate_colors(counts, out)
-            return
-        if channels := counts.shape[3:]:
-            # The layout (N, C) has the channels as the last axis of the result.
-            gray = np.ascontiguousarray(np.moveaxis(counts, -1, 1)).reshape(-1, *counts.shape[1:3])
-            layout = Layout((len(counts), *channels), -1)
-        else:
-            gray, layout = np.ascontiguousarray(counts), Layout((len(counts),))
-        images, network = GrayImages(gray, layout), self._network()
-        run_choice(self.choice, self.request, images, self.sensor, out, network=network)
+    def _warn_about_contradictions(
+        self, images: GrayImages, estimates: npt.NDArray[np.float32]
+    ) -> None:
+        threads = self.request.threads
+        with with_clipping_of(self.choice):
+            bright = functools.partial(bright_in_first_frames, images, self.sensor, threads)
+            warn_about_clipping(estimates, self.sensor, bright)
+        if (remark := clipping_of(self.choice, float(estimates.max()))) is not None:
+            warn(remark)
+        warn_about_dark_counts(images, self.sensor, threads)
 
     def _estimate_colors(self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]) -> None:
         """Write the estimates of counts of a mosaic, or of three channels, one after another."""
@@ -154,6 +171,15 @@ class Estimator:
         for image, estimate in zip(counts, out, strict=True):
             axis = None if image.ndim == 2 else -1
             reconstruct(image, self.sensor, channel_axis=axis, out=estimate, **settings)
+
+
+def _gray_images(counts: npt.NDArray[np.int32]) -> GrayImages:
+    """Return counts (N, H, W), or those of N images with channels (N, H, W, C), as gray images."""
+    if channels := counts.shape[3:]:
+        # The layout (N, C) has the channels as the last axis of the result.
+        gray = np.ascontiguousarray(np.moveaxis(counts, -1, 1)).reshape(-1, *counts.shape[1:3])
+        return GrayImages(gray, Layout((len(counts), *channels), -1))
+    return GrayImages(np.ascontiguousarray(counts), Layout((len(counts),)))
 
 
 @functools.lru_cache(_KEPT)
@@ -212,6 +238,7 @@ def choose_estimator(
 def checked(estimator: Estimator) -> Estimator:
     """Return an estimator, or raise ValueError if its parts do not fit together."""
     sensor, request, choice = estimator.sensor, estimator.request, estimator.choice
+    _check_method(choice.method, sensor)
     network = estimator.own_network
     if network is not None:
         for each in plane_sensors(sensor):
@@ -221,6 +248,17 @@ def checked(estimator: Estimator) -> Estimator:
     if sensor.mosaic is not None and choice.method != COLOR_NETWORK:
         choose_demosaicing(sensor.mosaic, request.demosaicing)
     return estimator
+
+
+def _check_method(method: str, sensor: Sensor) -> None:
+    """Raise ValueError if a method needs more than the counts of pixels."""
+    if needs_bits(method, sensor):
+        raise ValueError(
+            f"method: {method} needs bits for the kernel {sensor.kernel}, but runs over windows or "
+            f"captures count the ones of {sensor.oversampling} x {sensor.oversampling} jots; use "
+            "another method, or jotlight.reconstruct(bits) (`jotlight reconstruct` of this capture "
+            "by itself, as a whole)"
+        )
 
 
 def check_countable(sensor: Sensor) -> None:

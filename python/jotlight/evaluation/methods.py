@@ -193,6 +193,19 @@ _ARGUMENTS = (
 """Arguments of :func:`jotlight.reconstruct`, which a misspelled option may mean."""
 
 
+def needs_bits(method: str, sensor: Sensor) -> bool:
+    """Return whether a method needs to know where in its pixel each one is. Counts do not say it.
+
+    Examples
+    --------
+    >>> sensor = jl.Sensor(oversampling=2, kernel="linear")
+    >>> needs_bits("admm-tv", sensor), needs_bits("mle", sensor)
+    (True, False)
+    """
+    is_spread = sensor.kernel != "box" and sensor.oversampling > 1
+    return is_spread and is_iterative(method)
+
+
 def find_method(name: str) -> Method:
     """Return a method for gray images by its name.
 

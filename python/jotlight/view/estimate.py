@@ -13,7 +13,7 @@ from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.contradictions.clipping import clipping_of, with_clipping_of
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS, trials_of
-from jotlight.evaluation.methods import COLOR_NETWORK, is_iterative
+from jotlight.evaluation.methods import COLOR_NETWORK, is_iterative, needs_bits
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import Request
 from jotlight.formats.capture import CountStack
@@ -251,7 +251,5 @@ def _live_counts(
 
 def _suffice(sensor: Sensor, method: str) -> bool:
     """Return whether the counts of a window have all that a method needs of its bits."""
-    # With a smooth kernel, iterative methods need the place of each one.
-    needs_places = sensor.kernel != "box" and is_iterative(method)
     are_alike = sensor.oversampling == 1 or not sensor.maps()
-    return sensor.has_plain_bits and are_alike and not needs_places
+    return sensor.has_plain_bits and are_alike and not needs_bits(method, sensor)

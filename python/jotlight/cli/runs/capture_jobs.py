@@ -25,7 +25,6 @@ from jotlight.dask.store import VideoStore
 from jotlight.evaluation.records.records import maps_sha256
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
-from jotlight.networks.network import Network
 from jotlight.networks.planes_network import ColorNetwork
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.lazy import frames_per_chunk
@@ -171,12 +170,6 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
     sensor = sensors.setdefault(job.captured.sensor, job.captured.sensor)
     check_countable(sensor)
     _refuse_color_network(job, inputs)
-    has_network = job.choice.quality is not None or isinstance(job.request.method, Network)
-    if sensor.kernel != "box" and not has_network:
-        raise ValueError(
-            f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
-            "which counts are not enough; reconstruct each capture by itself, as a whole"
-        )
     return checked(Estimator(sensor, job.request.with_threads(1), job.choice))
 
 
