@@ -317,6 +317,19 @@ def test_an_unreadable_file_is_an_error_of_lazy_arrays_and_ends_no_worker(captur
         assert len(client.nthreads()) == 1
 
 
+def test_warnings_of_lazy_arrays_reach_the_client():
+    bits = jl.Sensor(frames=32, max_intensity=9.0).expose(np.full((32, 32), 4.0), rng=0)
+    bits = jl.Bits(bits.packed, 32, jl.Sensor(frames=32))
+    video = jl.dask.reconstruct(bits, window=16, method="mle")
+
+    def compute():
+        video.compute()
+        time.sleep(1)  # until the client gets the message
+
+    with connected(None, 1), pytest.warns(jl.JotlightWarning, match="brighter than the largest"):
+        compute()
+
+
 def test_warnings_of_workers_are_issued_by_the_command(tmp_path, capfd):
     mask = np.zeros((8, 9), bool)
     mask[3, 4] = True

@@ -112,10 +112,54 @@ def test_only_fast_estimates_have_large_chunks(monkeypatch):
     assert jl.dask.reconstruct(bits, darker, 1, method="mle").numblocks[0] == 8
 
 
-def test_mle_writes_no_counts(monkeypatch):
-    monkeypatch.setattr(chunk_counting, "add_counts", None)
-    video = jl.dask.reconstruct(random_bits(16), jl.Sensor(frames=8), 8, method="mle")
-    assert video.compute(scheduler="sync").shape == (2, 16, 24)
+def test_mle_writes_the_counts_of_only_the_first_image(monkeypatch):
+    counted, add_counts = [], chunk_counting.add_counts
+    monkeypatch.setattr(
+        chunk_counting,
+        "add_counts",
+        lambda packed, *others, **threads: (
+            counted.append(len(packed)) or add_counts(packed, *others, **threads)
+        ),
+    )
+    video = jl.dask.reconstruct(random_bits(32), jl.Sensor(frames=8), 8, method="mle")
+    assert video.compute(scheduler="sync").shape == (4, 16, 24)
+    assert len(counted) < 4
+
+
+def bits_of(intensity, dark_counts, frames=64, **options):
+    """Return bits of a white surface, without dark counts, and the sensor that they state."""
+    sensor = jl.Sensor(frames=frames, dark_counts=dark_counts, **options)
+    bright = sensor.replace(max_intensity=10.0, dark_counts=0.0)
+    bits = bright.expose(np.full((32, 32), intensity), rng=0)
+    return jl.Bits(bits.packed, width=32, sensor=sensor)
+
+
+@pytest.mark.parametrize("step", [16, 4])
+@pytest.mark.parametrize("method", ["mle", "noniterative-tv", "network-small"])
+@pytest.mark.parametrize(
+    ("bits", "message"),
+    [
+        (bits_of(3.0, 0.0), "brighter than the largest intensity"),
+        (bits_of(0.0, 0.2), "dark_counts: expected detections"),
+    ],
+)
+def test_data_that_contradict_the_sensor_cause_a_warning(bits, message, method, step):
+    video = jl.dask.reconstruct(bits, window=16, step=step, method=method)
+    with pytest.warns(jl.JotlightWarning, match=message):
+        video.compute(scheduler="sync")
+
+
+def test_tiles_that_contradict_the_sensor_cause_a_warning(monkeypatch):
+    monkeypatch.setattr("jotlight.dask.reconstruction._MAX_PIXELS", 100)
+    video = jl.dask.reconstruct(bits_of(3.0, 0.0), window=16, method="mle")
+    with pytest.warns(jl.JotlightWarning, match="brighter than the largest intensity"):
+        video.compute(scheduler="sync")
+
+
+@pytest.mark.filterwarnings("error")
+def test_data_that_fit_the_sensor_cause_no_warning():
+    bits = jl.Sensor(frames=64, dark_counts=0.01).expose(np.full((32, 32), 0.9), rng=0)
+    jl.dask.reconstruct(bits, window=16, method="mle").compute(scheduler="sync")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """What a worker does with frames: it counts or estimates the images of windows, or of pieces."""
 
 import bisect
+import contextlib
+import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,7 @@ import jotlight._engine as engine
 from jotlight.array_types import Packed
 from jotlight.dask.cluster import check_version
 from jotlight.dask.spans import Spans
+from jotlight.errors import JotlightWarning, record_warnings
 from jotlight.sensing.bits.bits_checks import checked_oversampling
 from jotlight.sensing.bits.channels import channel_views
 from jotlight.sensing.bits.lazy import FrameSource
@@ -49,6 +52,24 @@ def image_shape(shape: tuple[int, ...], width: int, oversampling: int) -> tuple[
     return height // oversampling, width // oversampling, *channels
 
 
+@contextlib.contextmanager
+def _warnings_for_client() -> Iterator[None]:
+    """Send the warnings of jotlight to the client, if this process is a worker of a cluster."""
+    distributed = sys.modules.get("distributed")
+    try:
+        distributed and distributed.get_worker()
+    except ValueError:  # a thread of dask in the process of the caller
+        distributed = None
+    if distributed is None:
+        yield
+        return
+    with record_warnings() as messages:
+        yield
+    for message in dict.fromkeys(messages):
+        distributed.warn(message, JotlightWarning)
+
+
+@_warnings_for_client()
 def count_windows(
     source: FrameSource | npt.NDArray[np.uint8],
     chunk: range,
@@ -76,7 +97,10 @@ def count_windows(
     if estimator is not None and is_short and estimator.has_table:
         table = estimator.table()
         estimates = np.empty(estimator.estimate_shape((len(pieces), *shape)), np.float32)
-        for image, (a, b) in zip(estimates, pieces, strict=True):
+        counts = np.empty((1, *shape), np.int32)
+        _count(parts, pieces[:1], width, oversampling, counts)
+        estimator(counts, estimates[:1], warns=True)
+        for image, (a, b) in zip(estimates[1:], pieces[1:], strict=True):
             look_up_counts(parts.read(a, b), width, oversampling, table, image, threads=1)
         return estimates
 
@@ -109,6 +133,7 @@ def count_pieces(
     return counts
 
 
+@_warnings_for_client()
 def sum_pieces(
     parts: list[npt.NDArray[np.int32]],
     frames: list[range],
@@ -132,6 +157,12 @@ def sum_pieces(
     return _results(estimator, (spans.number, *parts[0].shape[1:]), write)
 
 
+@_warnings_for_client()
+def estimate_tile(counts: npt.NDArray[np.int32], estimator: "Estimator") -> npt.NDArray[np.float32]:
+    """Return the estimates of a part of images, whose pixels do not depend on each other."""
+    return estimator(counts, warns=True)
+
+
 def _results(
     estimator: "Estimator | None",
     shape: tuple[int, ...],
@@ -152,7 +183,7 @@ def _results(
     for first in range(0, number, group):
         some = counts[: number - first]
         write(first, some)
-        estimator(some, estimates[first : first + group])
+        estimator(some, estimates[first : first + group], warns=first == 0)
     return estimates
 
 

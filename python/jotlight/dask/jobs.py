@@ -112,7 +112,9 @@ class VideoJob:
         )
         windows = counter.windows(images.start, images.stop)
         for index, counts in zip(images, windows, strict=True):
-            image = counts if estimator is None else estimator(counts[None])[0]
+            image = counts
+            if estimator is not None:
+                image = estimator(counts[None], warns=index == images.start)[0]
             self.store.write_image(index, image)
             low, high = min(low, float(image.min())), max(high, float(image.max()))
         facts = {"crc32": f"{counter.checksum.value:08x}", "bytes": counter.checksum.size}
@@ -155,7 +157,7 @@ class ImageJob(RecordedResult):
             self.capture.open(), spans, self.oversampling, threads, mapped=mapped
         )
         counts = next(counter.windows(0, 1))
-        image = self.estimator.with_threads(threads)(counts[None])[0]
+        image = self.estimator.with_threads(threads)(counts[None], warns=True)[0]
         record: Record = {
             "run": self.run,
             "input": {

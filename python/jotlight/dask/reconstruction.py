@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jotlight.dask.chunk_counting import estimate_tile
 from jotlight.dask.estimator import check_countable, choose_estimator
 from jotlight.dask.pieces import Pieces, check_packed_array
 from jotlight.networks.network import Network
@@ -75,6 +76,12 @@ def reconstruct(
     TypeError, ValueError
         When the data, their sensor, the method, and its options do not fit together.
 
+    Warns
+    -----
+    JotlightWarning
+        When the array is computed, as of :func:`jotlight.reconstruct`, if the first image of a task
+        contradicts the sensor. To compare all images may take longer than their estimates.
+
     Notes
     -----
     The method gets the counts of each window. Images of more than 4 Mpixel are divided into tiles
@@ -123,6 +130,5 @@ def reconstruct(
     if not (estimator.is_pixelwise and math.prod(pieces.image_shape[:2]) > _MAX_PIXELS):
         return pieces.estimate(estimator)
     counts = pieces.count().rechunk({1: _TILE, 2: _TILE})
-    return counts.map_blocks(
-        estimator, dtype=np.float32, meta=np.empty((0,) * counts.ndim, np.float32)
-    )
+    meta = np.empty((0,) * counts.ndim, np.float32)
+    return counts.map_blocks(estimate_tile, estimator, dtype=np.float32, meta=meta)

@@ -48,6 +48,41 @@ def test_each_capture_becomes_a_video(run, captures):
         assert record["run"]["bytes"] == path.stat().st_size
 
 
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+def test_a_smooth_kernel_is_that_of_each_window(run, captures):
+    sensor = jl.Sensor(frames=64, kernel="linear")
+    jl.save(sensor.expose(np.full((16, 24), 0.5), rng=0), "linear.npy")
+    arguments = ["reconstruct", "linear.npy", "-o", "v.zarr", "--window", 16]
+    code, out = run(*arguments, "-m", "noniterative-tv")
+    assert code == 0, out
+    parts = jl.open("linear.npy").windows(16)
+    expected = [jl.reconstruct(part, method="noniterative-tv") for part in parts]
+    np.testing.assert_array_equal(zarr.open_array("v.zarr", mode="r")[:], expected)
+
+
+@pytest.mark.filterwarnings("always::jotlight.JotlightWarning")
+@pytest.mark.parametrize("output", ["{name}.tif", "{name}.zarr"])
+@pytest.mark.parametrize(
+    ("intensity", "dark_counts", "message"),
+    [
+        (3.0, 0.0, "brighter than the largest intensity"),
+        (0.0, 0.2, "these would cause more ones without any light"),
+    ],
+)
+def test_captures_that_contradict_their_sensor_cause_one_warning(
+    run, captures, output, intensity, dark_counts, message
+):
+    for number in range(2):
+        bright = jl.Sensor(frames=64, max_intensity=9.0)
+        bits = bright.expose(np.full((32, 32), intensity), rng=number)
+        stated = jl.Sensor(frames=64, dark_counts=dark_counts)
+        jl.save(jl.Bits(bits.packed, 32, stated), f"white{number}.npy")
+    window = ["--window", 16] if output.endswith(".zarr") else []
+    code, out = run("reconstruct", "white*.npy", "-o", output, "-m", "mle", *window)
+    assert code == 0
+    assert out.count(message) == 1
+
+
 def test_each_capture_becomes_an_image_with_a_record(run, captures):
     args = ("reconstruct", *captures, "-o", "i/{name}.tif", "--quality", "medium")
     assert run(*args)[0] == 0
