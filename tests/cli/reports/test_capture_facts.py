@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.cli.reports import capture_facts
 from jotlight.cli.reports.capture_facts import bits_facts, readings_facts
+from jotlight.sensing.bits.frames import Frames
 
 MASK = np.zeros((4, 6), bool)
 MASK[:, 4:] = True
@@ -35,3 +37,30 @@ def test_the_mean_reading_is_that_of_live_jots():
     facts = dict(readings_facts(readings))
     assert facts["mean"] == f"{1 + 2 / 75:.4g} of 3 (live jots)"
     assert facts["largest"] == f"{1 / 75:.3%} of the readings are 3"
+
+
+def test_of_a_large_capture_the_first_frames_are_read(monkeypatch):
+    monkeypatch.setattr(capture_facts, "_MAX_BYTES", 5 * 16 * 2)
+    packed, read = np.zeros((100_000, 16, 2), np.uint8), []
+    packed[1] = 0xFF
+    packed[7:] = 0xFF
+
+    def read_part(start, stop):
+        read.append(stop)
+        return packed[start:stop]
+
+    for sensor in (None, jl.Sensor(frames=100_000, dark_counts=0.001)):
+        bits = jl.Bits(Frames(packed.shape, read_part), 16, sensor)
+        facts = dict(bits_facts(bits))
+        assert facts["ones"] == "20.000% (the first 5 frames)"
+        assert facts["frames"] == "100000"
+        assert max(read) == 5
+
+
+def test_of_many_readings_the_first_frames_are_read(monkeypatch):
+    monkeypatch.setattr(capture_facts, "_MAX_BYTES", 2 * 4 * 6)
+    values = np.full((5, 4, 6), 3, np.uint8)
+    values[:2] = 1
+    facts = dict(readings_facts(jl.Readings(values, jl.Sensor(frames=5, bit_depth=2))))
+    assert facts["mean"] == "1 of 3 (the first 2 frames)"
+    assert facts["largest"] == "0.000% of the readings are 3 (the first 2 frames)"

@@ -13,6 +13,9 @@ from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.sensor import Sensor
 
+_MAX_BYTES = 1 << 30
+"""Number of bytes of frames that are read for the fraction of ones. A disk takes seconds."""
+
 
 def notes(capture: Capture) -> list[tuple[str, str]]:
     """Return the assumptions about a file, and the files from which it was converted.
@@ -30,24 +33,26 @@ def notes(capture: Capture) -> list[tuple[str, str]]:
 
 
 def bits_facts(bits: Bits) -> list[tuple[str, str]]:
-    """Return the facts about bits."""
-    with progress(1) as begin:
-        counts = bits.counts(1, progress=begin("counting"))
+    """Return the facts about bits. The ones of a large capture are those of its first frames."""
     frames, height, width, *channels = bits.shape
+    part = bits[: _number_of_counted(frames, bits.packed.nbytes)]
+    with progress(1) as begin:
+        counts = part.counts(1, progress=begin("counting"))
     sensor = carried_sensor(bits)
     mask = None if sensor is None else sensor.mask
     live = _live_jots(counts, mask)
+    ones = live.sum(dtype=np.int64) / max(live.size * len(part), 1)
     facts = [
         ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
         *([("format", bits.provenance.format)] if bits.provenance is not None else []),
         ("frames", str(frames)),
         ("jots", f"{height} x {width}"),
         ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
-        ("ones", f"{live.sum(dtype=np.int64) / max(live.size * frames, 1):.3%}{_of_live(mask)}"),
+        ("ones", f"{ones:.3%}{_of_live(mask)}{_of_first(len(part), frames)}"),
     ]
-    assumed = sensor or Sensor(frames=frames)
-    is_unknown = hot_jots_unknown_reason(bits, assumed) is not None
-    jots = [] if is_unknown else jot_remarks(counts, frames, assumed)
+    assumed = carried_sensor(part) or Sensor(frames=len(part))
+    is_unknown = hot_jots_unknown_reason(part, assumed) is not None
+    jots = [] if is_unknown else jot_remarks(counts, len(part), assumed)
     if sensor is None:
         return [*facts, ("sensor", "not stated"), *jots]
     pixels = f"{height // sensor.oversampling} x {width // sensor.oversampling}"
@@ -69,6 +74,16 @@ def _of_live(mask: Mask | None) -> str:
     return "" if mask is None else " (live jots)"
 
 
+def _number_of_counted(frames: int, nbytes: int) -> int:
+    """Return the number of frames whose ones are counted, of frames of a number of bytes."""
+    return frames if nbytes <= _MAX_BYTES else max(1, _MAX_BYTES * frames // nbytes)
+
+
+def _of_first(number: int, frames: int) -> str:
+    """Return that a fraction is one of the first frames, if there are more."""
+    return "" if number == frames else f" (the first {number:,} frames)"
+
+
 def _bits_of_pixels(sensor: Sensor) -> str:
     """Return how many bits a pixel has, without those of dead jots."""
     if sensor.mask is None:
@@ -79,21 +94,22 @@ def _bits_of_pixels(sensor: Sensor) -> str:
 
 
 def readings_facts(readings: Readings) -> list[tuple[str, str]]:
-    """Return the facts about readings of several bits."""
+    """Return the facts about readings of several bits, of a large capture of its first frames."""
     sensor, highest = readings.sensor, 2**readings.sensor.bit_depth - 1
     total, largest, mask = 0, 0, sensor.maps().get("mask")
-    for start in range(len(readings)):
+    counted = _number_of_counted(len(readings), readings.frames.nbytes)
+    for start in range(counted):
         frame = _live_jots(readings[start], mask)
         total += int(frame.sum(dtype=np.int64))
         largest += int((frame == highest).sum())
     frames, height, width, *_ = readings.shape
-    number = max(frame.size * frames, 1)
+    number, first = max(frame.size * counted, 1), _of_first(counted, frames)
     return [
         ("kind", f"readings of {sensor.bit_depth} bits"),
         *([] if readings.provenance is None else [("format", readings.provenance.format)]),
         ("frames", str(frames)),
         ("jots", f"{height} x {width}"),
-        ("mean", f"{total / number:.4g} of {highest}{_of_live(mask)}"),
-        ("largest", f"{largest / number:.3%} of the readings are {highest}"),
+        ("mean", f"{total / number:.4g} of {highest}{_of_live(mask)}{first}"),
+        ("largest", f"{largest / number:.3%} of the readings are {highest}{first}"),
         ("sensor", repr(sensor)),
     ]
