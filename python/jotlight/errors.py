@@ -121,15 +121,16 @@ def error_message(error: BaseException) -> str:
     >>> error_message(MemoryError())
     'MemoryError'
     """
+    text, notes = str(error) or type(error).__name__, getattr(error, "__notes__", [])
     if isinstance(error, OSError) and error.strerror:
         # The text of Python begins with the number of the error, which helps nobody.
         if error.filename is None:
-            return _lost_folder() or error.strerror
-        if isinstance(error, FileNotFoundError):
-            return f"there is no file {error.filename}"
-        return f"cannot access {error.filename}: {error.strerror}"
-    notes = getattr(error, "__notes__", [])
-    return "; ".join([str(error) or type(error).__name__, *notes])
+            text = _lost_folder() or error.strerror
+        elif isinstance(error, FileNotFoundError):
+            text = f"there is no file {error.filename}"
+        else:
+            text = f"cannot access {error.filename}: {error.strerror}"
+    return "; ".join([text, *notes])
 
 
 def _lost_folder() -> str | None:

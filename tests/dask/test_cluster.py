@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -17,8 +18,14 @@ import pytest
 import jotlight as jl
 from jotlight._engine import __version__
 from jotlight.cli.app import run
+from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.cluster import check_workers, connected
-from jotlight.dask.running import compute_unit
+from jotlight.dask.jobs import VideoJob
+from jotlight.dask.reporting import naming_worker
+from jotlight.dask.running import Cluster, compute_unit
+from jotlight.dask.spans import Spans
+from jotlight.dask.store import VideoStore
+from jotlight.errors import error_message
 
 pytestmark = pytest.mark.slow
 exhaustive = pytest.mark.exhaustive
@@ -328,6 +335,23 @@ def test_warnings_of_lazy_arrays_reach_the_client():
 
     with connected(None, 1), pytest.warns(jl.JotlightWarning, match="brighter than the largest"):
         compute()
+
+
+@naming_worker()
+def read_file(path):
+    return path.read_bytes()
+
+
+def test_errors_of_files_name_the_worker(tmp_path):
+    store = VideoStore(tmp_path / "a.zarr", {"values": "int32"}, (1, 4, 8), "int32", 1)
+    source = CaptureSource(str(tmp_path / "a.npy"))
+    job = VideoJob("a", source, Spans(4, 4, 1), 1, None, store)
+    with connected(None, 1) as client:
+        ((_, _, failure),) = Cluster(client).run(unit for unit in [(0, job, 0)])
+        task = client.submit(read_file, tmp_path / "b.npy")
+        for error in (failure, task.exception()):
+            message = error_message(error)
+            assert re.search(r"; on the worker tcp://127\S+, which must see all files", message)
 
 
 def test_warnings_of_workers_are_issued_by_the_command(tmp_path, capfd):

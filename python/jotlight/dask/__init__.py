@@ -14,7 +14,8 @@ In reading order:
 
 - ``counting``, ``reconstruction``, ``calibration``: the three functions.
 - ``spans``, ``pieces``, ``chunk_counting``: the frames of windows, their division among workers,
-  and what a worker does with a chunk. ``streaming``: windows in one process, in constant memory.
+  and what a worker does with a chunk. ``reporting``: what it tells the client.
+  ``streaming``: windows in one process, in constant memory.
 - ``estimator``: a method with its sensor, as workers run it.
 - ``jobs``, ``names``, ``running``: runs over many captures, their results, and their processes.
   ``capture_source``: a capture, as each of them opens it.

@@ -1,8 +1,6 @@
 """What a worker does with frames: it counts or estimates the images of windows, or of pieces."""
 
 import bisect
-import contextlib
-import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +10,8 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.array_types import Packed
 from jotlight.dask.cluster import check_version
+from jotlight.dask.reporting import naming_worker, warning_client
 from jotlight.dask.spans import Spans
-from jotlight.errors import JotlightWarning, record_warnings
 from jotlight.sensing.bits.bits_checks import checked_oversampling
 from jotlight.sensing.bits.channels import channel_views
 from jotlight.sensing.bits.lazy import FrameSource
@@ -52,24 +50,8 @@ def image_shape(shape: tuple[int, ...], width: int, oversampling: int) -> tuple[
     return height // oversampling, width // oversampling, *channels
 
 
-@contextlib.contextmanager
-def _warnings_for_client() -> Iterator[None]:
-    """Send the warnings of jotlight to the client, if this process is a worker of a cluster."""
-    distributed = sys.modules.get("distributed")
-    try:
-        distributed and distributed.get_worker()
-    except ValueError:  # a thread of dask in the process of the caller
-        distributed = None
-    if distributed is None:
-        yield
-        return
-    with record_warnings() as messages:
-        yield
-    for message in dict.fromkeys(messages):
-        distributed.warn(message, JotlightWarning)
-
-
-@_warnings_for_client()
+@naming_worker()
+@warning_client()
 def count_windows(
     source: FrameSource | npt.NDArray[np.uint8],
     chunk: range,
@@ -110,6 +92,7 @@ def count_windows(
     return _results(estimator, (len(pieces), *shape), write)
 
 
+@naming_worker()
 def count_pieces(
     source: FrameSource | npt.NDArray[np.uint8],
     chunk: range,
@@ -133,7 +116,7 @@ def count_pieces(
     return counts
 
 
-@_warnings_for_client()
+@warning_client()
 def sum_pieces(
     parts: list[npt.NDArray[np.int32]],
     frames: list[range],
@@ -157,7 +140,7 @@ def sum_pieces(
     return _results(estimator, (spans.number, *parts[0].shape[1:]), write)
 
 
-@_warnings_for_client()
+@warning_client()
 def estimate_tile(counts: npt.NDArray[np.int32], estimator: "Estimator") -> npt.NDArray[np.float32]:
     """Return the estimates of a part of images, whose pixels do not depend on each other."""
     return estimator(counts, warns=True)

@@ -13,6 +13,7 @@ from jotlight.dask.cluster import check_version
 from jotlight.dask.jobs import Job
 from jotlight.dask.names import Part
 from jotlight.dask.records import AnotherRunError
+from jotlight.dask.reporting import naming_worker
 from jotlight.disk_space import check_disk_space
 from jotlight.errors import error_message, record_warnings, warn
 
@@ -139,7 +140,7 @@ def compute_unit(job: Job, unit: int, version: str) -> list[str]:
         When the worker has another version of jotlight.
     """
     check_version(version)
-    with record_warnings() as messages:
+    with record_warnings() as messages, naming_worker():
         job.compute(unit, 1, True)
     return list(dict.fromkeys(messages))
 
