@@ -14,26 +14,40 @@ def gather(
     *folders: Annotated[
         Path,
         Parameter(
-            help="Folders that contain unfinished results, NAME.zarr.part, or globs of them in "
-            "quotation marks."
+            help="Folders that contain the results, or unfinished ones, NAME.zarr.part, or globs "
+            "of them in quotation marks."
         ),
     ],
 ) -> None:
     """Complete the results of a job array, whose tasks ran with --part.
 
-    Results with missing parts stay unfinished, and are listed.
+    Results that are missing, or have missing parts, are listed.
     """
     from jotlight.dask.gathering import find_unfinished, gather_results
+    from jotlight.dask.shared_runs import check_results, find_runs
+    from jotlight.dask.store import PART
 
     if not folders:
         raise ValueError("gather: expected one folder or more")
-    parts = find_unfinished(Path(each) for folder in folders for each in expand(str(folder)))
-    if not parts:
+    paths = [Path(each) for folder in folders for each in expand(str(folder))]
+    parts, runs = find_unfinished(paths), find_runs(paths)
+    if not parts and not runs:
         report("nothing to complete: these folders contain no unfinished results, NAME.zarr.part")
         return
-    with progress(1) as begin:
-        finished, unfinished = gather_results(parts, begin("gathering"))
-    report(f"{len(finished)} of {counted(len(parts), 'result')} completed")
-    if unfinished:
-        text = "; ".join(f"{path}: {reason}" for path, reason in list(unfinished.items())[:20])
-        raise ValueError(f"{counted(len(unfinished), 'result')} not complete: {text}")
+    unfinished: dict[Path, str] = {}
+    if parts:
+        with progress(1) as begin:
+            finished, unfinished = gather_results(parts, begin("gathering"))
+        report(f"{len(finished)} of {counted(len(parts), 'result')} completed")
+    number, missing = check_results(runs)
+    begun = {path.with_name(path.name.removesuffix(PART)) for path in unfinished}
+    never = [path for path in missing if path not in begun]
+    reasons = {**unfinished, **dict.fromkeys(never, "no part has made it, or its part failed")}
+    if runs:
+        report(f"{number - len(missing)} of {counted(number, 'capture')} have complete results")
+    if reasons:
+        text = "; ".join(f"{path}: {reason}" for path, reason in list(reasons.items())[:20])
+        more = f"; and {len(reasons) - 20} more" if len(reasons) > 20 else ""
+        raise ValueError(
+            f"{counted(len(reasons), 'result')} not complete: {text}{more}; run the parts again"
+        )

@@ -19,8 +19,8 @@ In reading order:
 - ``estimator``: a method with its sensor, as workers run it.
 - ``jobs``, ``names``, ``running``: runs over many captures, their results, and their processes.
   ``capture_source``: a capture, as each of them opens it.
-  ``cluster``, ``preload``: workers on this machine, or a scheduler. ``gathering``: the parts of a
-  job array.
+  ``cluster``, ``preload``: workers on this machine, or a scheduler. ``shared_runs``, ``gathering``:
+  the captures and the results of a job array.
 - ``results``: results with a record beside them, and whether they are complete.
 - ``store``, ``image_files``, ``markers``, ``records``: results in zarr arrays, the files of their
   images, which groups of them are complete, and what they were made of.

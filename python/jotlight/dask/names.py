@@ -12,7 +12,8 @@ from typing import Any
 
 from jotlight.formats.opening.locations import find_matches, is_glob, is_url, without_companions
 
-_PLACE = "{name}"
+NAME_PLACE = "{name}"
+"""What stands for the name of a capture in the pattern of outputs."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -215,10 +216,10 @@ def name_outputs(pattern: Path, names: Sequence[str]) -> list[Path]:
     ['films/a/1.zarr', 'films/b/1.zarr']
     """
     text = pattern.as_posix()
-    if _PLACE not in text and len(names) > 1:
-        example = pattern.with_name(f"{_PLACE}{pattern.suffix or '.zarr'}")
+    if NAME_PLACE not in text and len(names) > 1:
+        example = pattern.with_name(f"{NAME_PLACE}{pattern.suffix or '.zarr'}")
         raise ValueError(
-            f"output: expected a name with {_PLACE} for the {len(names)} captures, such as "
+            f"output: expected a name with {NAME_PLACE} for the {len(names)} captures, such as "
             f"{example}, got {pattern}"
         )
-    return [Path(text.replace(_PLACE, name)) for name in names]
+    return [Path(text.replace(NAME_PLACE, name)) for name in names]

@@ -99,13 +99,13 @@ def _short(value: Any) -> str:
     return text if len(text) <= 100 else f"{text[:100]}…"
 
 
-def read_json(path: Path) -> Record:
+def read_json(path: Path, max_bytes: int = _MAX_JSON_BYTES) -> Record:
     """Return an object of JSON from a file that may be damaged."""
     state = path.stat()
     if not stat.S_ISREG(state.st_mode):  # reading a pipe would wait for a program that writes
         raise ValueError(f"{path}: is damaged: expected a file")
-    if state.st_size > _MAX_JSON_BYTES:
-        raise ValueError(f"{path}: expected at most {_MAX_JSON_BYTES} bytes; it is damaged")
+    if state.st_size > max_bytes:
+        raise ValueError(f"{path}: expected at most {max_bytes} bytes; it is damaged")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:

@@ -22,6 +22,7 @@ from jotlight.dask.running import (
     ThisProcess,
     run_jobs,
 )
+from jotlight.dask.shared_runs import SharedRun
 from jotlight.disk_space import format_bytes
 from jotlight.errors import counted, error_message
 from jotlight.files import check_outputs
@@ -70,11 +71,14 @@ def process(
     check_outputs(outputs, [Path(path) for path in paths if not is_url(path)])
     if has_cluster:  # whose workers may run in other folders
         outputs = [path.absolute() for path in outputs]
-    targets = [
-        Target(*each, number) for number, each in enumerate(zip(paths, names, outputs, strict=True))
-    ]
+    shared = names
+    if part is not None and part.total > 1:
+        shared = _shared_captures(output, captures, names)
+    numbers = {name: number for number, name in enumerate(shared)}
     chosen = [
-        target for target in targets if part is None or part.has_capture(target.number, len(paths))
+        Target(path, name, file, numbers[name])
+        for path, name, file in zip(paths, names, outputs, strict=True)
+        if name in numbers and (part is None or part.has_capture(numbers[name], len(shared)))
     ]
     made, refused = _make_jobs(chosen, capture, run, make_job)
     jobs = [job for _, job, _ in made]
@@ -85,7 +89,7 @@ def process(
             executor,
             part=part,
             numbers=[target.number for target, *_ in made],
-            captures=len(paths),
+            captures=len(shared),
             progress=begin(counted(len(chosen), "capture") if len(names) > 1 else names[0]),
             # A single error is reported at the end.
             warn=lambda text: caution("failed", text) if len(chosen) > 1 else None,
@@ -94,6 +98,21 @@ def process(
     caution_about_moving_scenes([job for job in jobs if job.name in new], threads)
     outcome.failed = {**refused, **outcome.failed}
     _report(outcome, {target.name: target for target in chosen}, part)
+
+
+def _shared_captures(output: Path, captures: tuple[str, ...], names: list[str]) -> list[str]:
+    """Return the names of the captures that all parts of the run divide."""
+    run, folder = SharedRun.of(output, names).join(captures)
+    if new := sorted(set(names) - set(run.captures)):
+        examples = ", ".join(new[:3]) + (", …" if len(new) > 3 else "")
+        caution(
+            "captures",
+            f"{counted(len(new), 'capture')} appeared after the first part of this run began, and "
+            f"{'is' if len(new) == 1 else 'are'} left out: {examples}; when all parts have ended, "
+            f"run `jotlight gather {run.folder}` and the parts again. To begin anew, delete "
+            f"{folder}",
+        )
+    return run.captures
 
 
 @contextlib.contextmanager
