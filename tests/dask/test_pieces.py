@@ -1,3 +1,5 @@
+import functools
+
 import dask
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from jotlight.dask import chunk_counting, pieces
 from jotlight.dask.estimator import Estimator
 from jotlight.dask.pieces import Pieces
 from jotlight.dask.spans import Spans
+from jotlight.sensing.bits.frames import Frames
 
 
 def random_bits(frames, channels=()):
@@ -49,6 +52,25 @@ def test_files_are_read_once_for_a_group_of_windows_that_overlap(tmp_path):
     bits = jl.open(tmp_path / "bits.npy", counts=False)
     (group,) = Pieces.of(bits, 7, 3).groups
     assert group.chunks == [(0, range(88))]
+
+
+def test_frames_that_cannot_be_mapped_are_read_once(monkeypatch):
+    monkeypatch.setattr(pieces, "PART_BYTES", 30 * 16 * 3)
+    monkeypatch.setattr(pieces, "MAX_BYTES", 15 * 4 * 16 * 24)
+    packed, reads = random_bits(90).packed, np.zeros(90, int)
+
+    def read(start, stop):
+        reads[start:stop] += 1
+        return packed[start:stop]
+
+    frames = Frames(packed.shape, read)
+    frames.set_origin(functools.partial(Frames, packed.shape, read))
+    bits = jl.Bits(frames, 24)
+    counts = jl.dask.count(bits, 40, 1).compute(scheduler="sync")
+    np.testing.assert_array_equal(counts, [bits[a : a + 40].counts() for a in range(51)])
+    reads[:] = 0
+    jl.dask.count(bits, 40, 1).compute(scheduler="sync")
+    assert reads.tolist() == [1] * 90
 
 
 def test_only_images_that_leave_and_enter_a_window_are_added():

@@ -117,8 +117,11 @@ class Pieces:
         if isinstance(x, Bits):
             if oversampling is None and x.sensor is not None:
                 oversampling = x.sensor.oversampling
-            files = files_of(x.packed)
-            x = x.to_dask(_frames_of_chunk(x, spans, is_fast=is_fast))
+            # Several tasks need a frame of windows that overlap. To map a frame again takes no
+            # time, but to read or decompress it does, so it is read once for all of them.
+            is_shared = spans.overlap and not _is_mapped(x)
+            files = None if is_shared else files_of(x.packed)
+            x = x.to_dask(_frames_of_chunk(x, spans, is_fast=is_fast and not is_shared))
         oversampling = 1 if oversampling is None else oversampling
         x = x[: spans.stop]
         image = image_shape(x.shape, width, oversampling)
@@ -190,6 +193,11 @@ class Pieces:
             ((self.x.name, chunk, *zeros), range(*both))
             for chunk, both in enumerate(itertools.pairwise(edges))
         ]
+
+
+def _is_mapped(bits: Bits) -> bool:
+    """Return whether the frames are in memory, or are mapped into it."""
+    return isinstance(bits.packed, np.ndarray) or bits.packed.mapped is not None
 
 
 def _frames_of_chunk(bits: Bits, spans: Spans, *, is_fast: bool) -> int:
