@@ -51,7 +51,9 @@ class RawFile:
         if kind == "gzip" and path.suffix.lower() == ".gz":
             with naming_file(str(path)):
                 size, end = measure_gzip(path, len(trailer))
-            self._stream = Stream(lambda: open_gzip(path), size, self._file.check_unchanged)
+            self._stream = Stream(
+                str(path), lambda: open_gzip(path), size, self._file.check_unchanged
+            )
         elif kind is not None:
             raise ValueError(
                 f"{path}: expected raw frames, but its first bytes are those of {kind}"

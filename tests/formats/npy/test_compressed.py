@@ -30,6 +30,23 @@ def test_a_compressed_cube_is_read_in_any_order(tmp_path, shape):
     assert bits.provenance.format == "npy.gz"
 
 
+def test_reading_backward_for_long_causes_one_warning(tmp_path, monkeypatch):
+    monkeypatch.setattr(compressed, "_MAX_REPEATED_BYTES", 100)
+    jl.save(jl.Bits.from_array(random_frames((400, 5, 13))), tmp_path / "cube.npy.gz")
+    bits = jl.open(tmp_path / "cube.npy.gz")
+    for _ in range(4):  # from front to back
+        bits.counts(1)
+    bits[300:].counts(1)
+
+    def read_backward():
+        for start in range(390, 0, -10):
+            bits[start : start + 10].counts(1)
+
+    with pytest.warns(jl.JotlightWarning, match=r"cube\.npy\.gz: is decompressed from") as found:
+        read_backward()
+    assert len(found) == 1
+
+
 def test_a_cube_that_another_program_compressed_keeps_its_description(tmp_path):
     array = random_frames((3, 4, 10))
     jl.save(jl.Bits.from_array(array, jl.Sensor(frames=3)), tmp_path / "cube.npy")

@@ -3,6 +3,7 @@
 import contextlib
 import math
 import os
+import sys
 from collections.abc import Callable, Iterator
 from io import BufferedIOBase
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from isal import igzip
 
+from jotlight.errors import warn
 from jotlight.formats.files.file_reader import FileReader
 from jotlight.formats.files.limits import check_claimed_size
 from jotlight.formats.files.locks import ProcessLock
@@ -27,6 +29,9 @@ from jotlight.sensing.bits.frames import Frames
 
 _CHUNK_BYTES = 1 << 20
 """Number of bytes that are decompressed at once."""
+
+_MAX_REPEATED, _MAX_REPEATED_BYTES = 2, 1 << 28
+"""How often a stream may be decompressed again before a warning, and the number of bytes."""
 
 _LEVEL = 2
 """Compression level, from 0 to 3. Level 3 is slower and does not compress bits better."""
@@ -50,6 +55,8 @@ class Stream:
 
     Parameters
     ----------
+    name : str
+        The file, for a warning if moving backward takes long.
     reopen : callable
         A function that returns the stream at its beginning.
     size : int
@@ -60,22 +67,25 @@ class Stream:
     Examples
     --------
     >>> import io
-    >>> stream = Stream(lambda: io.BytesIO(b"abcdef"), 6, lambda: None)
+    >>> stream = Stream("a.npy.gz", lambda: io.BytesIO(b"abcdef"), 6, lambda: None)
     >>> stream.read(4, 2).tobytes(), stream.read(1, 2).tobytes()
     (b'ef', b'bc')
     """
 
     def __init__(
         self,
+        name: str,
         reopen: Callable[[], BufferedIOBase],
         size: int,
         check_unchanged: Callable[[], object],
     ) -> None:
+        self._name = name
         self._reopen = reopen
         self._size = size
         self._check_unchanged = check_unchanged
         self._file: BufferedIOBase | None = None
         self._position = 0
+        self._repeated = 0
         self._process = os.getpid()
         self._lock = ProcessLock()
 
@@ -96,6 +106,7 @@ class Stream:
             if self._file is None or position < self._position:
                 self._close()
                 self._file, self._position = self._reopen(), 0
+                self._repeated += position
             skip_bytes(self._file, position - self._position)
             data = np.empty(size, np.uint8)
             view, done = data.data, 0
@@ -107,7 +118,19 @@ class Stream:
             if self._position == self._size:
                 self._close(at_end=True)
         self._check_unchanged()
+        self._warn_about_repetition()
         return data
+
+    def _warn_about_repetition(self) -> None:
+        """Warn once if reading in another order than that of the stream takes long."""
+        if self._repeated > max(_MAX_REPEATED * self._size, _MAX_REPEATED_BYTES):
+            self._repeated = -sys.maxsize
+            warn(
+                f"{self._name}: is decompressed from its beginning for each frame that is read "
+                "again, as by windows that overlap, or that follows later ones, as by the chunks "
+                'of a lazy array; a copy is read in any order: jotlight.save(bits, "copy.npy") '
+                "(`jotlight convert`)"
+            )
 
     def finish(self) -> None:
         """Read the rest of the stream if it is open, compare its checksum, and close the file."""
@@ -188,7 +211,7 @@ def stream_npy(
         if not verified:
             skip_bytes(file, size)
             check_end(file)
-    stream = Stream(reopen, header_bytes + size, source.check_unchanged)
+    stream = Stream(name, reopen, header_bytes + size, source.check_unchanged)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         with naming_file(name):

@@ -272,6 +272,8 @@ class Bits(FrameSequence):
         dask.array.Array of uint8, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
             Workers open the files themselves. Bits in memory become part of the graph. The array
             does not state W, so the functions of :mod:`jotlight.dask` need ``width=bits.width``.
+            dask reads chunks in any order, which takes long in files that are compressed as a
+            whole, such as `.npy.gz`; :func:`jotlight.save` makes a `.npy` of them.
 
         Raises
         ------
