@@ -32,12 +32,13 @@ from jotlight.formats.frames.labeled import (
     open_stored_array,
 )
 from jotlight.formats.frames.reading_options import ReadingOptions
+from jotlight.formats.hdf5.chunks import write_chunks
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import DataSet, Hdf5Library
 from jotlight.interrupts import hold_signals
 from jotlight.output_files import open_output
 from jotlight.sensing.bits.bits import Bits
-from jotlight.sensing.bits.frames import Frames, read_in_chunks
+from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.parameters.provenance import Provenance
 
 _MAX_CHUNK_BYTES = 1 << 28
@@ -280,8 +281,7 @@ def _write_bits(bits: Bits, path: Path) -> None:
             compression_opts=1,
             fletcher32=True,
         )
-        for place, part in read_in_chunks(bits.packed):
-            cube[place] = part
+        for _ in write_chunks(cube, bits.packed):
             check()
         cube.attrs[ATTRIBUTE] = np.bytes_(bits_label(bits).encode())
         for name, map_ in (bits.sensor.maps() if bits.sensor else {}).items():
