@@ -1,6 +1,7 @@
 import zlib
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,13 +29,19 @@ def test_groups_of_windows_have_the_counts_and_the_checksum_of_the_whole(
     window = min(window, frames)
     unpacked = random_frames(frames)
     bits = jl.Bits.from_array(unpacked)
+    packed = bits.packed
+    lazy = jl.Bits(Frames(packed.shape, lambda start, stop: packed[start:stop]), bits.width)
     starts = range(0, frames - window + 1, step)
     spans = Spans(window, step, len(starts))
     found, total = [], Checksum()
     for first in range(0, len(starts), group):
+        stop = min(first + group, len(starts))
+        counter = WindowCounter(lazy, spans, 1, threads=1)
+        read = [each.copy() for each in counter.windows(first, stop)]
         counter = WindowCounter(bits, spans, 1, threads=1)
-        found += counter.windows(first, min(first + group, len(starts)))
+        found += counter.windows(first, stop)
         total.append(counter.checksum.value, counter.checksum.size)
+        np.testing.assert_array_equal(read, found[first:stop])
     expected = [unpacked[start : start + window].sum(0) for start in starts]
     np.testing.assert_array_equal(found, expected)
     used = np.unique([frame for start in starts for frame in range(start, start + window)])
@@ -42,7 +49,13 @@ def test_groups_of_windows_have_the_counts_and_the_checksum_of_the_whole(
     assert total.size == bits.packed[used].nbytes
 
 
-def test_each_frame_is_read_at_most_twice_whatever_the_overlap():
+@pytest.mark.parametrize("step", [1, 30, 60])
+@pytest.mark.parametrize(("kept", "most"), [(1 << 28, 1), (0, 4)])
+def test_each_frame_is_read_once_if_those_of_a_window_fit_into_memory(
+    step, kept, most, monkeypatch
+):
+    monkeypatch.setattr(streaming, "_MAX_KEPT_BYTES", kept)
+    monkeypatch.setattr(streaming, "_MAX_BYTES", 7 * 4 * 2)
     reads = np.zeros(400, int)
     packed = np.packbits(random_frames(400), axis=2)
 
@@ -51,9 +64,12 @@ def test_each_frame_is_read_at_most_twice_whatever_the_overlap():
         return packed[start:stop]
 
     bits = jl.Bits(Frames(packed.shape, read), 11)
-    spans = Spans(100, 1, 301)
-    list(WindowCounter(bits, spans, 1).windows(0, 301))
-    assert reads.max() == 2
+    spans = Spans(100, step, 1 + 300 // step)
+    counts = [each.copy() for each in WindowCounter(bits, spans, 1).windows(0, spans.number)]
+    assert 1 <= reads.max() <= most
+    starts = spans.starts.tolist()
+    expected = [bits[start : start + 100].counts() for start in starts]
+    np.testing.assert_array_equal(counts, expected)
 
 
 def test_parts_in_memory_are_small(monkeypatch):

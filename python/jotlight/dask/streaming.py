@@ -1,5 +1,6 @@
 """Counts of consecutive windows of a capture, read in parts of a few MiB, in constant memory."""
 
+from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,6 +19,10 @@ to the counts more often."""
 
 _MAX_MAPPED_BYTES = 1 << 27
 """Number of bytes of a file that are mapped at a time. Large maps consist of large pages."""
+
+
+_MAX_KEPT_BYTES = 1 << 28
+"""Maximum number of bytes of frames that are kept in memory for the next windows."""
 
 
 class Checksum:
@@ -79,6 +84,9 @@ class WindowCounter:
         self._spans, self._oversampling = spans, oversampling
         self._threads, self._mapped = threads, mapped
         self._last_map: tuple[int, Packed] = 0, np.empty((0, *bits.packed.shape[1:]), np.uint8)
+        self._kept: deque[tuple[int, Packed]] = deque()
+        frames, fits = spans.window + spans.step, _MAX_KEPT_BYTES // max(1, bits.packed[:1].nbytes)
+        self._kept_frames = frames if spans.overlap and frames <= fits else 0
         _, height, width, *channels = bits.shape
         self._shape = (height // oversampling, width // oversampling, *channels)
 
@@ -123,19 +131,38 @@ class WindowCounter:
         """Yield some frames in parts of a few MiB."""
         packed, frame_bytes = self._packed, max(1, self._packed[:1].nbytes)
         small = max(1, _MAX_BYTES // frame_bytes)
-        is_mapped = self._mapped and isinstance(packed, Frames) and packed.mapped is not None
-        large = max(1, _MAX_MAPPED_BYTES // frame_bytes) if is_mapped else small
-        for first in range(start, stop, large):
+        if not isinstance(packed, Frames):
+            wholes = iter([packed[start:stop]])
+        elif self._mapped and packed.mapped is not None:
             # Windows begin anywhere in a map, which the next window uses again.
-            begin, end = first, min(first + large, stop)
-            if is_mapped:
-                whole = self._map(begin, end, large)
-            elif isinstance(packed, Frames):
-                whole = packed.read(begin, end)
-            else:
-                whole = packed[begin:end]
+            large = max(1, _MAX_MAPPED_BYTES // frame_bytes)
+            firsts = range(start, stop, large)
+            wholes = (self._map(first, min(first + large, stop), large) for first in firsts)
+        else:
+            wholes = self._read(packed, start, stop, small)
+        for whole in wholes:
             for part in range(0, len(whole), small):
                 yield np.ascontiguousarray(whole[part : part + small])
+
+    def _read(self, packed: Frames, start: int, stop: int, small: int) -> Iterator[Packed]:
+        """Yield some frames, from memory if a window before had them.
+
+        To read frames again takes time, and in a compressed file, to read backward takes long.
+        """
+        kept = self._kept
+        if kept and start < kept[0][0]:
+            kept.clear()
+        for first, part in list(kept):
+            yield part[max(0, start - first) : max(0, stop - first)]
+        known = kept[-1][0] + len(kept[-1][1]) if kept else start
+        for first in range(max(start, known), stop, small):
+            part = packed.read(first, min(first + small, stop))
+            kept.append((first, part))
+            yield part
+            # The frames that leave the next window are not older.
+            oldest = first + len(part) - self._kept_frames
+            while kept and kept[0][0] + len(kept[0][1]) <= oldest:
+                kept.popleft()
 
     def _map(self, start: int, stop: int, frames: int) -> Packed:
         """Return some frames as a view of the file, from the last map if it contains them."""

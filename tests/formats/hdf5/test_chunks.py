@@ -50,5 +50,8 @@ def test_the_library_finds_a_damaged_chunk(tmp_path):
     content = bytearray((tmp_path / "a.h5").read_bytes())
     content[place + 20] ^= 1
     (tmp_path / "a.h5").write_bytes(content)
-    with h5py.File(tmp_path / "a.h5") as file, pytest.raises(OSError, match="filter returned failure"):
+    with (
+        h5py.File(tmp_path / "a.h5") as file,
+        pytest.raises(OSError, match="filter returned failure"),
+    ):
         file["bits"][:]
