@@ -113,73 +113,6 @@ def test_windows_are_converted_to_counts(run, captures):
     np.testing.assert_array_equal(array[:], expected)
 
 
-def test_a_slurm_job_array_computes_parts(run, captures, monkeypatch):
-    base = ("reconstruct", captures[0], "-o", "v.zarr", "--window", 4, "-m", "mle")
-    base += ("--chunks", "1KiB", "--part", "slurm")
-    monkeypatch.setenv("SLURM_ARRAY_TASK_COUNT", "3")
-    for task in (1, 2, 3):
-        monkeypatch.setenv("SLURM_ARRAY_TASK_ID", str(task))
-        code, out = run(*base)
-        assert code == 0
-        assert f"part {task} of 3" in out
-        if task == 2:
-            code, err = run("gather", ".")
-            assert code == 1
-            assert "groups are missing" in err
-    code, out = run("gather", "*.part")
-    assert (code, out) == (0, "1 of 1 result completed\n")
-    assert zarr.open_array("v.zarr", mode="r").shape == (16, 16, 24)
-
-
-@pytest.mark.parametrize("output", ["v/{name}.zarr", "v/{name}.tif"])
-def test_gather_names_results_that_no_part_has_made(run, captures, output):
-    window = ("--window", 16) if output.endswith(".zarr") else ()
-    base = ("reconstruct", "captures/*/*.npy", "-o", output, "-m", "mle", *window, "--part")
-    assert run(*base, "1/2")[0] == 0
-    code, out = run("gather", "v")
-    missing = output.format(name="a/2")
-    assert code == 1
-    assert "2 of 3 captures have complete results" in out
-    assert f"1 result not complete: {missing}: no part has made it, or its part failed" in out
-    assert run(*base, "2/2")[0] == 0
-    assert run("gather", "v") == (0, "3 of 3 captures have complete results\n")
-    assert "nothing to complete" in run("gather", "v")[1]
-
-
-@pytest.mark.parametrize("total", [2, 4])
-def test_captures_that_appear_between_parts_are_left_out_until_the_next_run(run, captures, total):
-    base = ("reconstruct", "captures/*/*.npy", "-o", "v/{name}.zarr", "-m", "mle")
-    base += ("--window", 16, "--chunks", "1KiB", "--part")
-    assert run(*base, f"1/{total}")[0] == 0
-    new = Path("captures/a/0.npy")
-    for ending in (".npy", ".json"):
-        new.with_suffix(ending).write_bytes(captures[0].with_suffix(ending).read_bytes())
-    for number in range(2, total + 1):
-        code, out = run(*base, f"{number}/{total}")
-        assert code == 0
-        assert (
-            "1 capture appeared after the first part of this run began, and is left out: a/0" in out
-        )
-    code, out = run("gather", "v")
-    assert (code, "3 of 3 captures have complete results" in out) == (0, True)
-    for number in range(1, total + 1):
-        assert run(*base, f"{number}/{total}")[0] == 0
-    code, out = run("gather", "v")
-    assert (code, "4 of 4 captures have complete results" in out) == (0, True)
-
-
-def test_tasks_of_a_slurm_job_array_process_captures_of_their_own(run, captures, monkeypatch):
-    monkeypatch.setenv("SLURM_ARRAY_TASK_COUNT", "3")
-    for task, path in enumerate(captures, 1):
-        monkeypatch.setenv("SLURM_ARRAY_TASK_ID", str(task))
-        base = ("reconstruct", path, "-o", f"{task}.zarr", "--window", 16, "-m", "mle")
-        code, err = run(*base)
-        assert (code, "error: part: is needed in a Slurm job array" in err) == (1, True)
-        assert not Path(f"{task}.zarr.part").exists()
-        assert run(*base, "--part", "1/1")[0] == 0
-        assert zarr.open_array(f"{task}.zarr", mode="r").shape == (4, 16, 24)
-
-
 def test_a_result_is_not_a_capture(run, captures):
     assert run("reconstruct", captures[0], "-o", "v.zarr", "-m", "mle", "--window", 16)[0] == 0
     with pytest.raises(ValueError, match="holds images of a run, not a capture"):
@@ -193,14 +126,6 @@ def test_preparing_a_copy_keeps_what_another_part_writes(tmp_path):
     assert job.prepare() == [0]
     assert output.exists()
     assert not job.record.exists()
-
-
-def test_parts_without_a_capture_make_no_image(run, captures):
-    base = ("reconstruct", *captures, "-o", "{name}.png", "-m", "mle", "--part")
-    code, out = run(*base, "2/64")
-    assert (code, "1 made" in out, "gather" in out) == (0, True, False)
-    code, out = run(*base, "7/64")
-    assert (code, "0 made" in out, "gather" in out) == (0, True, False)
 
 
 def test_info_shows_the_origin_of_a_video(run, captures):
