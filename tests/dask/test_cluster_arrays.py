@@ -10,11 +10,11 @@ import jotlight as jl
 from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.cluster import connected
 from jotlight.dask.jobs import VideoJob
-from jotlight.dask.reporting import naming_worker
 from jotlight.dask.running import Cluster
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.errors import error_message
+from worker_tasks import read_file
 
 pytestmark = pytest.mark.slow
 
@@ -41,11 +41,6 @@ def test_warnings_of_lazy_arrays_reach_the_client():
 
     with connected(None, 1), pytest.warns(jl.JotlightWarning, match="brighter than the largest"):
         compute()
-
-
-@naming_worker()
-def read_file(path):
-    return path.read_bytes()
 
 
 def test_errors_of_files_name_the_worker(tmp_path):
