@@ -64,13 +64,25 @@ def test_the_error_is_that_of_simulated_captures(options, frames, tolerance, par
     ],
 )
 def test_plans_of_little_light_with_read_noise_are_right(bit_depth, noise, light, frames):
-    sensor = jl.Sensor(bit_depth=bit_depth, read_noise=noise, max_intensity=5.0)
-    plan = jl.plan(sensor, light, frames=[frames], max_intensity=5.0)
-    bits = sensor.replace(frames=frames, gain=float(frames)).expose(
-        np.full((128, 128), light), rng=0
-    )
-    error = np.sqrt(np.mean((jl.mle(bits).astype(float) - light) ** 2))
+    sensor = jl.Sensor(bit_depth=bit_depth, read_noise=noise)
+    plan = jl.plan(sensor, light, frames=[frames])
+    error = simulated(sensor, light, frames, rng=0, number=128**2)
     assert abs(20 * np.log10(error / plan.rmse[0, 0])) < 0.4
+
+
+@pytest.mark.parametrize(
+    ("bit_depth", "noise", "light", "largest", "exact"),
+    [
+        (2, 0.05, 0.001, None, -30.0),  # the sums of few scores are not continuous
+        (2, 0.3, 0.1, 30.0, -16.6),  # there are no estimates just below this S
+    ],
+)
+def test_plans_of_one_reading_are_those_of_a_sum_over_all_readings(
+    bit_depth, noise, light, largest, exact
+):
+    sensor = jl.Sensor(bit_depth=bit_depth, read_noise=noise)
+    plan = jl.plan(sensor, light, frames=[1], max_intensity=largest)
+    assert 20 * np.log10(light / plan.rmse[0, 0]) == pytest.approx(exact, abs=0.3)
 
 
 @pytest.mark.slow

@@ -110,17 +110,6 @@ def test_averages_of_mostly_saturated_readings_have_no_bias(frames, photons):
     assert found == pytest.approx(x, rel=0.12)
 
 
-def test_counts_of_saturated_pixels_do_not_depend_on_the_largest_intensity():
-    each = []
-    for largest in (5.0, 50.0):
-        sensor = jl.Sensor(frames=16, gain=320.0, threshold=[19, 21] * 8, max_intensity=largest)
-        bits = sensor.expose(np.full(SHAPE, 1.5), rng=0)
-        each.append(Merging(joint_likelihood(bits, sensor, None)).near_neighbors())
-    one, other = each
-    np.testing.assert_array_equal(one.ones, other.ones)
-    np.testing.assert_allclose(one.trials, other.trials, rtol=1e-6)
-
-
 def test_pixels_of_less_than_a_trial_are_not_dark():
     sensor, x = jl.Sensor(bit_depth=2, gain=12.0), 0.7
     bits = sensor.expose(np.full(SHAPE, x), rng=0)

@@ -25,6 +25,13 @@ def test_the_factor_is_the_ratio_of_logarithmic_slopes(threshold):
     np.testing.assert_allclose(found, np.sqrt(ratio), rtol=1e-3)
 
 
+def test_dark_counts_hide_the_contrast():
+    z = np.arcsin(np.sqrt(detection_probability(8, np.array([3.01, 4.0, 6.0]))))
+    without, hidden = Contrast(8, 1.0).factor(z) ** 2, Contrast(8, 1.0, 3.0).factor(z) ** 2
+    assert hidden[0] == 1
+    np.testing.assert_allclose(hidden[1:], without[1:] * [1 / 4, 3 / 6], rtol=0.01)
+
+
 def test_darkness_has_the_power_of_the_threshold():
     assert Contrast(8, 1.0).factor(np.array([0.0])) == pytest.approx(np.sqrt(8), rel=0.01)
     assert Contrast(8, 0.5).factor(np.array([0.0])) == pytest.approx(8**0.25, rel=0.01)

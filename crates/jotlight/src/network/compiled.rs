@@ -3,13 +3,12 @@
 //! A generic function is compiled again in each crate that calls it. Those below contain nearly all
 //! loops of a network, whose compilation takes minutes.
 
-use ndarray::{Array2, Array3, ArrayView3, ArrayViewMut2, ArrayViewMut3};
+use ndarray::{Array2, Array3, ArrayView3, ArrayViewMut3};
 
 use super::forward;
 use super::layer::Layer;
 use super::spline::channels::Splines;
 use super::training::batch::{Batch, Gradient, NormalEquations};
-use crate::bits::PackedBits;
 use crate::error::Result;
 use crate::numbers::Real;
 
@@ -24,15 +23,6 @@ pub trait Compiled: Real {
         layers: &[&Layer<Self>],
         sums: ArrayView3<'_, Self>,
         out: ArrayViewMut3<'_, Self>,
-    ) -> Result<()>;
-    /// Call [`super::forward_bits`].
-    ///
-    /// # Errors
-    /// Those of that function.
-    fn forward_bits(
-        layers: &[&Layer<Self>],
-        bits: &PackedBits<'_>,
-        out: ArrayViewMut2<'_, Self>,
     ) -> Result<()>;
     /// Call [`Splines::activate`].
     ///
@@ -74,13 +64,6 @@ macro_rules! compiled {
                 out: ArrayViewMut3<'_, Self>,
             ) -> Result<()> {
                 forward::forward_planes(layers, sums, out)
-            }
-            fn forward_bits(
-                layers: &[&Layer<Self>],
-                bits: &PackedBits<'_>,
-                out: ArrayViewMut2<'_, Self>,
-            ) -> Result<()> {
-                forward::forward_bits(layers, bits, out)
             }
             fn activate(
                 splines: &Splines<Self>,

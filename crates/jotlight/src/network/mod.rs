@@ -19,7 +19,7 @@
 //! accurate reference values.
 //!
 //! Reconstructions need [`Network`], [`SensorModel`], and [`Reconstruction`] only. The Python package
-//! combines networks in other ways, and needs some of their parts: [`level_range`], [`level_weights`],
+//! combines networks in other ways, and needs some of their parts: [`level_weights`],
 //! [`local_trials`], [`conditioning_weights`], [`BRIGHT`], [`RATIO_OF_PASS`], [`write_images`],
 //! [`Compiled`], [`Network::conditioned`], [`Network::run_counts`], and [`Network::denoise`].
 
@@ -44,8 +44,7 @@ pub use images::write_images;
 pub use layer::{Layer, Wiring};
 pub use model::{
     BRIGHT, EquivalentCounts, LayerParameters, LocalTrials, Network, Pixels, RATIO_OF_PASS,
-    Reconstruction, SensorModel, Served, conditioning_weights, level_range, level_weights,
-    local_trials,
+    Reconstruction, SensorModel, Served, conditioning_weights, level_weights, local_trials,
 };
 pub use precision::Precision;
 pub use spline::channels::Splines;

@@ -24,7 +24,7 @@ from jotlight.estimators.iterative.convergence import ConvergenceHistories
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.color.color_data import takes_channels
 from jotlight.evaluation.contradictions.clipping import with_clipping_of
-from jotlight.evaluation.methods import is_iterative
+from jotlight.evaluation.methods import COLOR_NETWORK, is_iterative
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.info import Info
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
@@ -197,8 +197,9 @@ def _uncertainty(
 
 def _warn_about_unlikely(known: Uncertainty, job: Reconstruction) -> None:
     """Warn if the bits contradict the estimate of a network that could fall back."""
-    unlikely = known.unlikely.mean()
-    if unlikely > _MANY and job.choice.is_network and not job.request.fallback:
+    request, unlikely = job.request, known.unlikely.mean()
+    can_fall_back = job.choice.is_network and request.method != COLOR_NETWORK
+    if unlikely > _MANY and can_fall_back and not request.fallback:
         warn(
             f"{unlikely:.0%} of the pixels look unlike photographs: their bits speak against the "
             "estimate; fallback=True (--fallback) blends it with methods that trust the bits more"

@@ -16,6 +16,9 @@ _MAX_LIGHT = 1e7
 _HIGH_RATIO = 10.0
 """Square of the ratio of light and error from which on the scores at the true light suffice."""
 
+_CONTINUOUS = 0.3
+"""Read noise from which on sums of scores are nearly continuous, as saddle points assume."""
+
 _STEPS = 100
 """Number of bisections of a level of light."""
 
@@ -51,24 +54,22 @@ class PlannedReadings:
 
     def bias_and_mse(self, frames: int, levels: Array) -> tuple[Array, Array]:
         """Return the bias and the mean square error of the clipped estimate at each level."""
-        number, max_light = frames * self.jots, self.max_light
-        if max_light is None:
-            rate = saturation_rate(self._sensor, number)
-            max_light = max(rate - self.dark_counts, 0.0) / self.efficiency
-        errors = [self._bias_and_mse(number, float(level), max_light) for level in levels]
+        number = frames * self.jots
+        rate = saturation_rate(self._sensor, number)
+        certain = max(rate - self.dark_counts, 0.0) / self.efficiency
+        max_light = certain if self.max_light is None else self.max_light
+        # Between this light and a larger S, there are no estimates, but saddle points find some.
+        is_continuous = self._sensor.read_noise >= _CONTINUOUS and max_light <= certain
+        errors = []
+        for level in levels.astype(float).tolist():
+            bias, mse = self._estimates.bias_and_mse([number], level, max_light)
+            # With little light, the error of the scores at the true light is too small. With much
+            # light, saddle points at a few levels are too coarse, and their error is too small.
+            if is_continuous and 0 < level**2 < _HIGH_RATIO * mse:
+                others = self._saddle_points(level).bias_and_mse(number, max_light)
+                bias, mse = max((bias, mse), others, key=lambda errors: errors[1])
+            errors.append((bias, mse))
         bias, mse = np.transpose(errors)
-        return bias, mse
-
-    def _bias_and_mse(self, number: int, level: float, max_light: float) -> tuple[float, float]:
-        """Return the error at a level of light, from a number of readings.
-
-        With read noise and little light, that of the scores at the true light is too small. With
-        much light, saddle points at a few levels are too coarse, and their error is too small.
-        """
-        bias, mse = self._estimates.bias_and_mse([number], level, max_light)
-        if self._sensor.read_noise and 0 < level**2 < _HIGH_RATIO * mse:
-            others = self._saddle_points(level).bias_and_mse(number, max_light)
-            bias, mse = max((bias, mse), others, key=lambda errors: errors[1])
         return bias, mse
 
     def information(self, levels: Array) -> Array:

@@ -186,10 +186,12 @@ def plan(
     With several bits or read noise, the error is that of a statistic close to the estimate
     (:mod:`jotlight.estimators.planning.planned_estimates`). For fewer than 64 readings, it differs
     from that of `jotlight.mle` by up to 0.6 dB, or by up to 1.5 dB where the SNR is below 0 dB.
-    From 64 readings on, it differs by less than 0.3 dB. With read noise and an SNR (light over
-    error) below 10 dB, a saddle-point approximation of the distribution of the estimate
-    (:mod:`jotlight.estimators.planning.saddle_point`) differs by at most 0.3 dB, also for one
-    reading and a thousandth of a photon. For bits with read noise, it is exact.
+    From 64 readings on, it differs by less than 0.3 dB. With a read noise of 0.3 or more and an SNR
+    (light over error) below 10 dB, a saddle-point approximation of the distribution of the estimate
+    (:mod:`jotlight.estimators.planning.saddle_point`) differs by at most 0.6 dB, and by up to 1.3
+    dB for one reading. It needs the default S, or a smaller one. With a larger S, and with less
+    read noise, plans are up to 16 dB too optimistic at a thousandth of a photon. For bits with read
+    noise, plans are exact.
 
     To find `required_frames`, the search doubles the number of frames and then bisects. Below about
     10 dB, fewer may suffice. Methods that combine neighboring pixels need fewer frames.

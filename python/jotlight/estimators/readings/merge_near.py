@@ -42,10 +42,6 @@ _ALIKE = 0.9
 each pixel have all thresholds, an average would only hide noise from denoisers and intervals."""
 
 
-_NO_ZERO = 1e-3
-"""Expected difference from the largest sum of the readings below which saturation is certain."""
-
-
 @dataclasses.dataclass(frozen=True)
 class Merging:
     """Equivalent counts of an image near several estimates of its intensities.
@@ -159,17 +155,9 @@ class Merging:
         )
 
     def _toward_most_likely(self, near: Array) -> Array:
-        """Return intensities between given ones and the most likely ones, (H, W).
-
-        If all readings are the largest one, S is the most likely intensity, but may be far too
-        bright. There, it is the intensity from which on such readings are nearly certain.
-        """
-        joint = self.joint
-        known = joint.information(np.maximum(near, min_intensity(joint.sensor)))
-        is_saturated = (joint.total == joint.max_total) & (joint.trials > 0)
-        if is_saturated.any():
-            certain = solve_expected_total(joint, np.maximum(joint.max_total - _NO_ZERO, 0))
-            return toward_own(near, np.where(is_saturated, certain, self.maximum), known)
+        """Return intensities between given ones and the most likely ones, (H, W)."""
+        least = min_intensity(self.joint.sensor)
+        known = self.joint.information(np.maximum(near, least))
         return toward_own(near, self.maximum, known)
 
 

@@ -37,9 +37,11 @@ class Contrast:
     threshold: int
     weight: float
     """How much the contrast counts, from 0 to 1."""
+    dark_counts: float = 0.0
+    """Dark counts per jot and frame, which hide the contrast of the light."""
 
     @classmethod
-    def of(cls, threshold: int, z: Array, trials: Array) -> Self:
+    def of(cls, threshold: int, z: Array, trials: Array, dark_counts: float = 0.0) -> Self:
         """Return the contrast of bits whose estimate is z, (H, W).
 
         Examples
@@ -52,7 +54,7 @@ class Contrast:
             return cls(threshold, 0.0)
         bright = float(np.quantile(squared_sine(z), _NEARLY_ALL))
         ones = float(np.median(trials)) * bright
-        return cls(threshold, 1 / (1 + (ones / _FEW_ONES) ** 2))
+        return cls(threshold, 1 / (1 + (ones / _FEW_ONES) ** 2), dark_counts)
 
     def factor(self, z: Array) -> Array | float:
         """Return the factor of the scale of the errors of z.
@@ -66,19 +68,22 @@ class Contrast:
         """
         if self.weight == 0:
             return 1.0
-        return np.interp(z, _NODES, _ratio_of_slopes(self.threshold) ** (self.weight / 2))
+        ratio = _ratio_of_slopes(self.threshold, self.dark_counts)
+        return np.interp(z, _NODES, ratio ** (self.weight / 2))
 
 
 @cache
-def _ratio_of_slopes(threshold: int) -> Array:
-    """Return the derivative of log p by the logarithm of the rate, relative to threshold 1.
+def _ratio_of_slopes(threshold: int, dark_counts: float) -> Array:
+    """Return the derivative of log p by the logarithm of the light, relative to threshold 1.
 
-    It is computed at some z. The contrast at others is interpolated.
+    It is computed at some z. The contrast at others is interpolated. It is at least 1: with
+    threshold 1, dark counts hide the contrast of the light as well.
     """
     p = np.minimum(squared_sine(_NODES), _MAX_PROBABILITY)
     rate = inverse_detection_probability(threshold, p, 1 - p)
     of_threshold_1 = -np.log1p(-p) * (1 - p)
-    return np.asarray(rate * detection_density(threshold, rate) / of_threshold_1)
+    ratio = (rate - dark_counts) * detection_density(threshold, rate) / of_threshold_1
+    return np.asarray(np.maximum(ratio, 1))
 
 
 NO_CONTRAST = Contrast(1, 0.0)

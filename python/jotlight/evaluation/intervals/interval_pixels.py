@@ -276,7 +276,7 @@ class Pixels:
     ) -> KnownErrors:
         """Return the errors of a network's estimate, with those from the halves."""
         pixel = self._pixel_of(estimate)
-        contrast = Contrast.of(int(self.sensor.threshold), *pixel)
+        contrast = Contrast.of(int(self.sensor.threshold), *pixel, np.median(self.dark_counts))
         scale = gray_scale(model, *pixel, contrast)
         if halves:
             expected = [expected_squares(model, half, contrast) for half in halves]

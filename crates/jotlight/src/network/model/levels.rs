@@ -40,8 +40,7 @@ fn round(trials: f64) -> u32 {
 ///
 /// Those above the smallest depend on the largest one alone. So images of a film have the same
 /// levels, and networks keep their parameters.
-#[must_use]
-pub fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
+fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
     let first = round(smallest);
     let mut level = round(largest).max(first);
     let mut levels = vec![level];

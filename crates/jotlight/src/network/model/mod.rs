@@ -32,7 +32,7 @@ use crate::mle::{JotResponse, PixelResponse};
 
 pub use conditioning::conditioning_weights;
 pub use denoise::RATIO_OF_PASS;
-pub use levels::{level_range, level_weights};
+pub use levels::level_weights;
 pub use local_trials::{LocalTrials, local_trials};
 pub use pixels::{EquivalentCounts, Pixels};
 pub use reconstruction::Reconstruction;
