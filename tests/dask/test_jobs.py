@@ -1,6 +1,7 @@
 """Equal jobs at once, and jobs whose process was killed: complete results are never replaced."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -105,6 +106,26 @@ def test_a_record_that_was_not_completed_is_completed(source, tmp_path, name, to
     if job.output.is_dir():
         kept = {path: value for path, value in before.items() if path != job.record}
         assert state(job.output) == kept
+
+
+@pytest.mark.parametrize("damage", ["deleted", "changed", "other"])
+def test_a_damaged_folder_whose_record_states_no_size_is_refused(source, tmp_path, damage):
+    job = conversion(source, tmp_path / "c.zarr", "zarr")
+    job.compute(0, None, False)
+    job.record.write_text(json.dumps({"run": RUN}))
+    chunk = max(job.output.rglob("c/*/*/*"))
+    if damage == "deleted":
+        chunk.unlink()
+    elif damage == "changed":
+        chunk.write_bytes(bytes(chunk.stat().st_size))
+    else:
+        shutil.rmtree(job.output)
+        jl.save(jl.Bits.from_array(np.ones((8, 6, 13), bool), jl.Sensor(frames=8)), job.output)
+    with pytest.raises(
+        ValueError, match=r"its record states no size; got: .* delete it to make it"
+    ):
+        job.compute(0, None, False)
+    assert json.loads(job.record.read_text()) == {"run": RUN}
 
 
 def test_a_failed_copy_leaves_the_way_free_for_other_runs(source, tmp_path, monkeypatch):

@@ -20,11 +20,15 @@ from jotlight.dask.results import RecordedResult, measure
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
+from jotlight.errors import error_message
 from jotlight.evaluation.records.records import tone_facts
 from jotlight.files import atomic_write_together, write_file
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.frames.checked_reading import with_checksum
+from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.npy.description import companion_files
+from jotlight.formats.opening.opening import read_capture
+from jotlight.formats.verification import verify_capture
 from jotlight.formats.writing import write_capture
 from jotlight.images.io import DISPLAYED, image_writer
 from jotlight.images.tone import display_tone
@@ -211,13 +215,31 @@ class ConversionJob(RecordedResult):
         try:
             write_capture(bits, self.output, self.format)
         except OSError:
-            # A folder that exists is whole: a process with the same run has written it. It may have
-            # been killed before it completed the record.
+            # A process with the same run has written the folder. If it has not completed the
+            # record, it may have been killed, and the folder may be damaged since.
             if not self.output.is_dir():
                 raise
+            self.refuse_complete()
+            self._check_copy(*checksum())
         text = conversion_text(self.run, *checksum(), output=measure(self.output, self.beside))
         self.refuse_complete()
         write_file(self.record, text, output=self.output)
+
+    def _check_copy(self, size: int, checksum: int) -> None:
+        """Raise ValueError unless a copy that exists is intact, and has the frames of the capture.
+
+        `size` and `checksum` are those of the frames of the capture.
+        """
+        try:
+            verify_capture(self.output, format=self.format)
+            copy = read_capture(self.output, ReadingOptions(format=self.format))
+            if with_checksum(copy)[1]() != (size, checksum):
+                raise ValueError("its frames differ from those of the capture")
+        except (OSError, ValueError) as error:
+            raise ValueError(
+                f"{self.output}: expected a copy that matches the capture, because its record "
+                f"states no size; got: {error_message(error)}; delete it to make it again"
+            ) from error
 
     def _begin_record(self) -> None:
         """Write the run into the record, before the copy and its size are known.
