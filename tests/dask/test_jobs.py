@@ -128,6 +128,21 @@ def test_a_damaged_folder_whose_record_states_no_size_is_refused(source, tmp_pat
     assert json.loads(job.record.read_text()) == {"run": RUN}
 
 
+@COPIES
+@pytest.mark.parametrize("change", [0, 1])
+def test_a_copy_that_was_deleted_is_made_again(source, tmp_path, name, to, change):
+    job = conversion(source, tmp_path / name, to)
+    job.compute(0, None, False)
+    record = json.loads(job.record.read_text())
+    size = record["output"]
+    stale = {**record, "output": {**size, "bytes": size["bytes"] + change}}
+    job.record.write_text(json.dumps(stale))
+    shutil.rmtree(job.output) if job.output.is_dir() else job.output.unlink()
+    job.compute(0, None, False)
+    job.finish()
+    assert json.loads(job.record.read_text()) == record
+
+
 def test_a_failed_copy_leaves_the_way_free_for_other_runs(source, tmp_path, monkeypatch):
     def fail(*arguments):
         raise OSError("no space")

@@ -244,9 +244,11 @@ class ConversionJob(RecordedResult):
     def _begin_record(self) -> None:
         """Write the run into the record, before the copy and its size are known.
 
-        So a copy whose process was killed before it completed the record is that of this run.
+        So a copy whose process was killed before it completed the record is that of this run. The
+        record of a copy that was deleted states an old size, so it is replaced.
         """
-        if not self.record.exists() or read_json(self.record).get("run") != self.run:
+        is_begun = self.output.exists() and self.record.exists()
+        if not is_begun or read_json(self.record).get("run") != self.run:
             write_file(self.record, json.dumps({"run": self.run}, indent=1), output=self.output)
 
 
