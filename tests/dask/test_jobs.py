@@ -12,6 +12,7 @@ from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.estimator import choose_estimator
 from jotlight.dask.jobs import ConversionJob, ImageJob
 from jotlight.formats.frames.reading_options import ReadingOptions
+from jotlight.formats.npy.description import description_path
 
 RUN = {"capture": "a"}
 
@@ -54,12 +55,17 @@ def state(folder):
     }
 
 
+def is_about(path, job):
+    """Return whether a file is the record of a copy, or its description."""
+    return path == job.record or (path.suffix == ".json" and path.parent == job.output.parent)
+
+
 @COPIES
 def test_the_record_of_a_copy_states_its_size(source, tmp_path, name, to):
     job = conversion(source, tmp_path / name, to)
     job.compute(0, None, False)
     assert job.is_complete()
-    files = [path for path in state(tmp_path) if path != job.record]
+    files = [path for path in state(tmp_path) if not is_about(path, job)]
     stated = json.loads(job.record.read_text())["output"]
     assert stated == {"files": len(files), "bytes": sum(path.stat().st_size for path in files)}
     files[-1].write_bytes(b"")
@@ -126,6 +132,17 @@ def test_a_damaged_folder_whose_record_states_no_size_is_refused(source, tmp_pat
     ):
         job.compute(0, None, False)
     assert json.loads(job.record.read_text()) == {"run": RUN}
+
+
+@pytest.mark.parametrize(("name", "to"), [("c.npy", "npy"), ("c.npy.gz", "npy.gz")])
+def test_the_description_of_a_complete_copy_may_be_changed(source, tmp_path, name, to):
+    job = conversion(source, tmp_path / name, to)
+    job.compute(0, None, False)
+    description = description_path(job.output)
+    content = json.loads(description.read_text())
+    del content["checksum"]
+    description.write_text(json.dumps(content))
+    assert job.is_complete()
 
 
 @COPIES

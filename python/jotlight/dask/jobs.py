@@ -202,9 +202,11 @@ class ConversionJob(RecordedResult):
 
     @property
     def beside(self) -> Iterable[Path]:
-        """The description of a .npy, and its maps."""
-        is_npy = self.format in ("npy", "npy.gz")
-        return companion_files(follow_link(self.output)) if is_npy else ()
+        """The maps of a .npy. Its description is left out, because users may change it."""
+        if self.format not in ("npy", "npy.gz"):
+            return ()
+        files = companion_files(follow_link(self.output))
+        return (path for path in files if path.suffix != ".json")
 
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
         """Convert the capture, which must match its checksums, and write the record."""
