@@ -64,6 +64,8 @@ def test_a_size_that_no_run_writes_is_refused(made):
 def test_hidden_files_do_not_count(made):
     if made.output.is_dir():
         (made.output / ".DS_Store").write_bytes(b"seen")
+        (made.output / "c" / ".backup" / "old").mkdir(parents=True)
+        (made.output / "c" / ".backup" / "old" / "0").write_bytes(b"old")
     assert made.is_complete()
 
 

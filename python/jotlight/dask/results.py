@@ -92,7 +92,7 @@ class RecordedResult:
 def measure(output: Path, beside: Iterable[Path] = ()) -> Record:
     """Return the number of the files of a result, and of their bytes.
 
-    Hidden files, which other programs add to folders, are left out.
+    Hidden files and folders, which other programs add to folders, are left out.
 
     Examples
     --------
@@ -103,7 +103,8 @@ def measure(output: Path, beside: Iterable[Path] = ()) -> Record:
     >>> measure(folder), measure(folder / "a")
     ({'files': 2, 'bytes': 20}, {'files': 1, 'bytes': 10})
     """
-    inside = (path for path in output.rglob("*") if not path.name.startswith("."))
+    found = ((path, path.relative_to(output).parts) for path in output.rglob("*"))
+    inside = (path for path, parts in found if not any(part.startswith(".") for part in parts))
     files = [path for path in (output, *inside, *beside) if path.is_file()]
     return {"files": len(files), "bytes": sum(path.stat().st_size for path in files)}
 
