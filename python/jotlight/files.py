@@ -300,13 +300,15 @@ def _check_parent(path: Path) -> None:
 def create_parent(path: Path) -> None:
     """Create the folder of an output, and the folders that contain it.
 
+    If `path` is a symbolic link, this is about the file or folder to which it leads.
+
     Raises
     ------
     OSError
         When that is impossible. The error names the output.
     """
     with explained_creation(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        follow_link(path).parent.mkdir(parents=True, exist_ok=True)
 
 
 def _permissions(path: Path) -> int | None:

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,20 @@ def test_a_result_that_is_not_on_this_machine_is_a_failure(tmp_path):
     assert result.prepare() == [0]
     with pytest.raises(FileNotFoundError, match="a worker has written it, but it is not on this"):
         result.finish()
+
+
+def test_a_link_may_lead_into_a_new_folder(tmp_path, monkeypatch):
+    target, opened = tmp_path / "new" / "result", []
+    link = Result(tmp_path / "link")
+    link.output.symlink_to(target)
+    link.prepare()
+    assert target.parent.is_dir()
+    target.write_bytes(bytes(10))
+    link.note(run=RUN, output={"files": 1, "bytes": 10})
+    scan = os.scandir
+    monkeypatch.setattr(os, "scandir", lambda path: opened.append(path) or scan(path))
+    link.finish()
+    assert opened[0] == target.parent
 
 
 def test_files_beside_a_result_belong_to_its_size(made):

@@ -7,6 +7,7 @@ from pathlib import Path
 from jotlight.dask.records import Record, check_same_run, read_json
 from jotlight.errors import counted
 from jotlight.files import create_parent
+from jotlight.output_links import follow_link
 
 _ADVICE = "all workers must see the folder of the outputs under the same path"
 
@@ -82,7 +83,7 @@ class RecordedResult:
     def finish(self) -> None:
         """Raise FileNotFoundError unless the result of the worker is complete on this machine."""
         # When a folder is opened, the system asks a network disk for its present content.
-        os.scandir(self.output.parent).close()
+        os.scandir(follow_link(self.output).parent).close()
         if not self.is_complete():
             raise FileNotFoundError(
                 f"{self.output}: a worker has written it, but it is not on this machine; {_ADVICE}"
