@@ -1,4 +1,4 @@
-"""Equal jobs at once, and jobs whose process was killed: complete results are never replaced."""
+"""Equal jobs at once, and jobs whose process was killed: complete folders are never replaced."""
 
 import json
 import shutil
@@ -91,12 +91,19 @@ def test_another_process_may_complete_the_copy_meanwhile(source, tmp_path, name,
     def write_later(*arguments):
         monkeypatch.setattr(module, "write_capture", write)
         job.compute(0, None, False)
+        before.update(state(tmp_path))
         write(*arguments)
 
+    before = {}
     monkeypatch.setattr(module, "write_capture", write_later)
     with pytest.raises(FileExistsError, match="a worker finds it complete"):
         job.compute(0, None, False)
     assert job.is_complete()
+    after = state(tmp_path)
+    assert {path: content for path, (content, _) in after.items()} == {
+        path: content for path, (content, _) in before.items()
+    }
+    assert after == before or job.output.is_file()
 
 
 @COPIES

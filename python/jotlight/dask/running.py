@@ -294,8 +294,9 @@ class _Run:
 def _is_made_elsewhere(job: Job, error: BaseException) -> bool:
     """Return whether a job failed because another process with the same run has completed it.
 
-    That process moves the files of a video, so this one finds them missing. Other results are not
-    replaced. Errors of the disk, such as a failed flush after a file has its name, are not excused.
+    That process moves the files of a video, so this one finds them missing. Folders that exist are
+    not replaced. Single files may be, by the same bytes. Errors of the disk, such as a failed flush
+    after a file has its name, are not excused.
     """
     if not isinstance(error, FileNotFoundError | FileExistsError | ValueError):
         return False
