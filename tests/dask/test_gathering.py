@@ -28,6 +28,20 @@ def test_a_damaged_marker_stops_no_other_result(tmp_path, text):
     assert damaged.missing() == [0]
 
 
+def test_results_that_are_links_are_completed_where_they_lead(tmp_path):
+    links, targets = tmp_path / "v", tmp_path / "v" / "large"
+    stores = [make_store(targets / f"{name}.zarr") for name in ("a", "b")]
+    for name in ("a", "b"):
+        (links / f"{name}.zarr").symlink_to(targets / f"{name}.zarr")
+    (links / "c.zarr").symlink_to(targets / "c.zarr")
+    assert len(find_unfinished([links])) == 2
+    (outside := tmp_path / "outside").mkdir()
+    (links / "a.zarr").rename(outside / "other.zarr")
+    finished, unfinished = gather_results(find_unfinished([outside]))
+    assert (finished, unfinished) == ([stores[0].path], {})
+    assert (outside / "other.zarr" / "zarr.json").is_file()
+
+
 def test_an_unfinished_result_that_is_a_link_stays_where_it_is(tmp_path):
     own = make_store(tmp_path / "own" / "a.zarr")
     (tmp_path / "hostile").mkdir()

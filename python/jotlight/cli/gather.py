@@ -8,6 +8,7 @@ from cyclopts import Parameter
 from jotlight.cli.terminal.console import progress, report
 from jotlight.errors import counted
 from jotlight.formats.opening.locations import expand
+from jotlight.output_links import follow_link
 
 
 def gather(
@@ -41,7 +42,7 @@ def gather(
         report(f"{len(finished)} of {counted(len(parts), 'result')} completed")
     number, missing = check_results(runs)
     begun = {path.with_name(path.name.removesuffix(PART)) for path in unfinished}
-    never = [path for path in missing if path not in begun]
+    never = [path for path in missing if follow_link(path) not in begun]
     reasons = {**unfinished, **dict.fromkeys(never, "no part has made it, or its part failed")}
     if runs:
         report(f"{number - len(missing)} of {counted(number, 'capture')} have complete results")

@@ -1,28 +1,46 @@
 """Completion of results whose parts separate processes have made."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from jotlight.dask.store import PART, open_unfinished
 from jotlight.errors import error_message
 from jotlight.formats.files.safe_paths import check_inside
+from jotlight.output_links import follow_link
 
 
 def find_unfinished(folders: Iterable[Path]) -> list[Path]:
     """Return the folders `NAME.zarr.part` in some folders and below, or these folders themselves.
+
+    If a result in these folders is a symbolic link, its unfinished folder lies where it leads.
 
     Raises
     ------
     FileNotFoundError
         When a folder does not exist.
     """
-    found: dict[Path, None] = {}
+    found: dict[Path, Path] = {}
     for folder in folders:
         if not folder.is_dir():
             raise FileNotFoundError(f"there is no folder {folder}")
-        inside = [folder] if folder.name.endswith(PART) else sorted(folder.rglob(f"*{PART}"))
-        found |= dict.fromkeys(path for path in inside if (path / "run.json").is_file())
-    return list(found)
+        inside = [folder] if folder.name.endswith(PART) else sorted(_find_parts(folder))
+        for path in inside:
+            if (path / "run.json").is_file():
+                found.setdefault(path.parent.resolve() / path.name, path)
+    return list(found.values())
+
+
+def _find_parts(folder: Path) -> Iterator[Path]:
+    """Yield the paths in a folder and below whose names are those of unfinished results.
+
+    Also yield those beside the targets of links whose names are those of results.
+    """
+    for path in folder.rglob("*"):
+        if path.name.endswith(PART):
+            yield path
+        elif path.suffix.lower() == ".zarr" and path.is_symlink():
+            own = follow_link(path)
+            yield own.with_name(own.name + PART)
 
 
 def gather_results(

@@ -61,6 +61,19 @@ def test_captures_that_appear_between_parts_are_left_out_until_the_next_run(run,
     assert (code, "4 of 4 captures have complete results" in out) == (0, True)
 
 
+def test_gather_completes_results_that_are_links(run, captures):
+    Path("v").mkdir()
+    Path("v/1.zarr").symlink_to(Path("large").absolute() / "one.zarr")
+    base = ("reconstruct", captures[0], "-o", "v/1.zarr", "--window", 4, "-m", "mle")
+    base += ("--chunks", "1KiB", "--part")
+    assert run(*base, "1/2")[0] == 0
+    code, out = run("gather", "v")
+    assert (code, "one.zarr.part: " in out, "no part has made it" in out) == (1, True, False)
+    assert run(*base, "2/2")[0] == 0
+    assert run("gather", "v")[0] == 0
+    assert zarr.open_array("v/1.zarr", mode="r").shape == (16, 16, 24)
+
+
 def test_tasks_of_a_slurm_job_array_process_captures_of_their_own(run, captures, monkeypatch):
     monkeypatch.setenv("SLURM_ARRAY_TASK_COUNT", "3")
     for task, path in enumerate(captures, 1):
