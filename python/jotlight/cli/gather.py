@@ -22,7 +22,8 @@ def gather(
 ) -> None:
     """Complete the results of a job array, whose tasks ran with --part.
 
-    Results that are missing, or have missing parts, are listed.
+    Results that are missing, or have missing parts, are listed. The content of the other ones is
+    not compared with their records.
     """
     from jotlight.dask.gathering import find_unfinished, gather_results
     from jotlight.dask.shared_runs import check_results, find_runs
@@ -45,10 +46,14 @@ def gather(
     never = [path for path in missing if follow_link(path) not in begun]
     reasons = {**unfinished, **dict.fromkeys(never, "no part has made it, or its part failed")}
     if runs:
-        report(f"{number - len(missing)} of {counted(number, 'capture')} have complete results")
+        have = "has a result" if number == 1 else "have results"
+        report(f"{number - len(missing)} of {counted(number, 'capture')} {have}")
     if reasons:
         text = "; ".join(f"{path}: {reason}" for path, reason in list(reasons.items())[:20])
         more = f"; and {len(reasons) - 20} more" if len(reasons) > 20 else ""
+        states = ", ".join(str(folder) for folder in runs if folder.exists())
+        vanished = f"; if a capture no longer exists, first delete {states}" if never else ""
         raise ValueError(
             f"{counted(len(reasons), 'result')} not complete: {text}{more}; run the parts again"
+            f"{vanished}"
         )

@@ -1,5 +1,6 @@
 """Runs in parts, as those of job arrays, and `jotlight gather`."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -32,10 +33,10 @@ def test_gather_names_results_that_no_part_has_made(run, captures, output):
     code, out = run("gather", "v")
     missing = output.format(name="a/2")
     assert code == 1
-    assert "2 of 3 captures have complete results" in out
+    assert "2 of 3 captures have results" in out
     assert f"1 result not complete: {missing}: no part has made it, or its part failed" in out
     assert run(*base, "2/2")[0] == 0
-    assert run("gather", "v") == (0, "3 of 3 captures have complete results\n")
+    assert run("gather", "v") == (0, "3 of 3 captures have results\n")
     assert "nothing to complete" in run("gather", "v")[1]
 
 
@@ -54,11 +55,25 @@ def test_captures_that_appear_between_parts_are_left_out_until_the_next_run(run,
             "1 capture appeared after the first part of this run began, and is left out: a/0" in out
         )
     code, out = run("gather", "v")
-    assert (code, "3 of 3 captures have complete results" in out) == (0, True)
+    assert (code, "3 of 3 captures have results" in out) == (0, True)
     for number in range(1, total + 1):
         assert run(*base, f"{number}/{total}")[0] == 0
     code, out = run("gather", "v")
-    assert (code, "4 of 4 captures have complete results" in out) == (0, True)
+    assert (code, "4 of 4 captures have results" in out) == (0, True)
+
+
+def test_gather_names_the_list_of_captures_if_one_has_vanished(run, captures):
+    base = ("reconstruct", "captures/a/*.npy", "-o", "v/{name}.tif", "-m", "mle", "--part")
+    assert run(*base, "1/2")[0] == 0
+    Path("captures/a/2.npy").unlink()
+    code, out = run("gather", "v")
+    (folder,) = Path("v").glob(".captures-*")
+    assert code == 1
+    assert f"run the parts again; if a capture no longer exists, first delete {folder}" in out
+    shutil.rmtree(folder)
+    for part in ("1/2", "2/2"):
+        assert run(*base, part)[0] == 0
+    assert run("gather", "v") == (0, "1 of 1 capture has a result\n")
 
 
 def test_gather_completes_results_that_are_links(run, captures):
