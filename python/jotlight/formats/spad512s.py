@@ -114,7 +114,7 @@ def open_spad512s(path: Path, options: ReadingOptions, *, sparse: bool = False) 
         frames = read_raw(path, files, _LAYOUT, _TRAILER)
         notes = [f"frames of {_SIDE} x {_SIDE}, the most significant bit first; {_ROTATED}"]
     if len(files) > 1:
-        notes.append(describe_files(files))
+        notes.append(describe_files(path, files))
     name = SPAD512S_SPARSE.name if sparse else SPAD512S.name
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 

@@ -91,7 +91,7 @@ def open_raw(path: Path, options: ReadingOptions) -> Capture:
     frames = read_raw(path, files, frame_layout(layout))
     provenance = Provenance(RAW.name, path.name, (f"the stated layout {layout}",))
     if len(files) > 1:
-        provenance = provenance.with_notes(describe_files(files))
+        provenance = provenance.with_notes(describe_files(path, files))
     if layout.number_type is not None:
         return as_count_stack(frames, provenance, is_stack=True)
     return Bits(frames, layout.columns, provenance=provenance)

@@ -85,7 +85,7 @@ def open_swissspad(path: Path, options: ReadingOptions, *, full: bool = False) -
     if full:
         notes.append("the two halves alternate every 128 bits, the bottom half upside down")
     if len(files) > 1:
-        notes.append(describe_files(files, "the order of the numbers in their names"))
+        notes.append(describe_files(path, files, "the order of the numbers in their names"))
     name = SWISSSPAD2_FULL.name if full else SWISSSPAD2.name
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 

@@ -9,7 +9,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.errors import record_warnings
-from jotlight.formats.files.file_sequence import join_files
+from jotlight.formats.files.file_sequence import describe_files, join_files
 
 
 def joined(names, lengths=None, **options):
@@ -27,12 +27,21 @@ def joined(names, lengths=None, **options):
         (("a1.png", "a2.png", "a5.png"), None, "expected 5 files .* from 1 to 5, got 3; .* a2.png"),
         (("3_a1", "3_a2", "3_a3", "3_a5"), None, "expected 5 files .* from 1 to 5, got 4; .* 3_a3"),
         (("a0", "a100", "a200", "a500"), None, "expected 6 files .* from 0 to 500, got 4; .* a200"),
+        (("x/a1", "y/a2", "y/a5"), None, "from 1 to 5, got 3; the first gap is after y/a2,"),
         (("b", "a"), [0, 2], "expected 3 files .* from 0 to 2, got 2; .* b,"),
     ],
 )
 def test_gaps_in_the_numbers_of_files_are_stated(names, numbers, message):
     (warning,) = joined(names, numbers=numbers)
     assert re.search(message, warning)
+
+
+def test_the_first_and_last_file_are_named_by_their_paths_below_the_folder(tmp_path):
+    files = [tmp_path / "x" / "f0.bin", tmp_path / "y" / "f0.bin"]
+    assert describe_files(tmp_path, files) == (
+        "2 files in the natural order of their names, from x/f0.bin to y/f0.bin"
+    )
+    assert describe_files(tmp_path, files, "an order").startswith("2 files in an order, from x/")
 
 
 @pytest.mark.parametrize(

@@ -14,15 +14,18 @@ from jotlight.errors import counted, warn
 from jotlight.sensing.bits.frames import Frames, concatenate
 
 
-def describe_files(files: Sequence[Path], order: str = "the natural order of their names") -> str:
-    """Return a note about the files of a capture. It shows if the first or the last one is missing.
+def describe_files(
+    path: Path, files: Sequence[Path], order: str = "the natural order of their names"
+) -> str:
+    """Return a note about the files of a folder. It shows if the first or the last one is missing.
 
     Examples
     --------
-    >>> describe_files([Path("a/f9.bin"), Path("a/f10.bin")])
-    '2 files in the natural order of their names, from f9.bin to f10.bin'
+    >>> describe_files(Path("a"), [Path("a/x/f9.bin"), Path("a/y/f9.bin")])
+    '2 files in the natural order of their names, from x/f9.bin to y/f9.bin'
     """
-    return f"{len(files)} files in {order}, from {files[0].name} to {files[-1].name}"
+    first, last = (file.relative_to(path).as_posix() for file in (files[0], files[-1]))
+    return f"{len(files)} files in {order}, from {first} to {last}"
 
 
 def join_files(
@@ -99,9 +102,10 @@ def _warn_about_gaps(path: Path, files: Sequence[Path], numbers: Sequence[int], 
     gaps = [index for index, (a, b) in enumerate(itertools.pairwise(numbers)) if b - a > step]
     if gaps:
         missing = sum((numbers[index + 1] - numbers[index]) // step - 1 for index in gaps)
+        before = files[gaps[0]].relative_to(path).as_posix()
         warn(
             f"{path}: expected {len(files) + missing} files with numbers from {numbers[0]} to "
-            f"{numbers[-1]}, got {len(files)}; the first gap is after {files[gaps[0]].name}, so "
+            f"{numbers[-1]}, got {len(files)}; the first gap is after {before}, so "
             "check whether files are lost"
         )
 

@@ -111,7 +111,8 @@ def _open_images(
     kinds = {(part.shape[1:], part.dtype): file for part, file in zip(parts, files, strict=True)}
     if len(kinds) != 1:
         each = [
-            f"{dtype} of shape {shape} in {file.name}" for (shape, dtype), file in kinds.items()
+            f"{dtype} of shape {shape} in {file.relative_to(path).as_posix()}"
+            for (shape, dtype), file in kinds.items()
         ]
         raise ValueError(
             f"{path}: expected images of one size and type, got {each[0]}, and {each[1]}; move "
@@ -119,7 +120,7 @@ def _open_images(
         )
     provenance = Provenance(name, path.name)
     if len(files) > 1:
-        provenance = provenance.with_notes(describe_files(files))
+        provenance = provenance.with_notes(describe_files(path, files))
     if notes[0] is not None:
         provenance = provenance.with_notes(notes[0])
     frames = join_files(path, files, parts)

@@ -61,7 +61,7 @@ def open_matlab(path: Path, options: ReadingOptions) -> Capture:
         files = _part_files(path)
         info = _read_info(path, [file.name for file in files])
         if len(files) > 1:
-            notes.append(describe_files(files))
+            notes.append(describe_files(path, files))
     elif not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     checksums = {} if info is None else info.checksums
