@@ -111,7 +111,10 @@ def test_files_of_a_folder_follow_each_other_and_each_has_a_header(tmp_path):
     )
 
 
-@pytest.mark.parametrize("names", [("1.img", "2.IMG"), ("frame1", "frame2"), ("1.raw", "2.raw")])
+@pytest.mark.parametrize(
+    "names",
+    [("1.img", "2.IMG"), ("frame1", "frame2"), ("1.raw", "2.raw"), ("a.9", "a.10")],
+)
 def test_a_folder_may_hold_files_of_any_extension(tmp_path, names):
     packed = np.packbits(FRAMES, axis=2)
     for name, part in zip(names, (packed[:3], packed[3:]), strict=True):

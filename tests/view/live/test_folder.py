@@ -103,6 +103,16 @@ def test_a_backlog_beyond_the_memory_is_dropped_and_counted(folder, opened):
     np.testing.assert_array_equal(live.part(range(290, 300)).packed, FRAMES[290:])
 
 
+def test_extensions_may_count_files(folder, opened):
+    (folder / "a.001").write_bytes(FRAMES[:10].tobytes())
+    height, width = FRAMES.shape[1], 8 * FRAMES.shape[2]
+    live = opened(folder, LiveOptions(layout=f"{height}x{width}"))
+    (folder / "a.003").write_bytes(FRAMES[20:30].tobytes())
+    wait_for(lambda: live.frames.stop == 30)
+    assert (live.dropped, live.remark) == (10, None)
+    np.testing.assert_array_equal(live.part(range(20, 30)).packed, FRAMES[20:30])
+
+
 def test_names_may_count_frames(folder, opened):
     for first in (0, 10, 20, 40):
         np.save(folder.parent / "new.npy", FRAMES[first : first + 10])

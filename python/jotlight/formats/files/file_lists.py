@@ -11,6 +11,9 @@ _MAX_FILES = 1_000_000
 _MAX_SHOWN = 5
 """Maximum number of extensions in a message."""
 
+NUMBER = ".NUMBER"
+"""The extension of files such as `a.001`, which differ in the number."""
+
 
 def natural_sort_key(path: Path) -> tuple[tuple[int, int, str], ...]:
     """Return a key that sorts `RAW2.bin` before `RAW10.bin`, in each folder of the path.
@@ -28,6 +31,19 @@ def natural_sort_key(path: Path) -> tuple[tuple[int, int, str], ...]:
     )
 
 
+def file_extension(path: Path) -> str:
+    """Return the extension of a file in lower case. All numbers are the same extension.
+
+    Some programs count files by numbers as extensions.
+
+    Examples
+    --------
+    >>> [file_extension(Path(name)) for name in ("a.RAW", "a.001", "a.1000", "a")]
+    ['.raw', '.NUMBER', '.NUMBER', '']
+    """
+    return re.sub(r"^\.[0-9]+$", NUMBER, path.suffix.lower())
+
+
 def list_files(
     path: Path, extensions: tuple[str, ...], kind: str, *, or_others: bool = False
 ) -> list[Path]:
@@ -42,7 +58,8 @@ def list_files(
     kind : str
         Kind of the files, for messages.
     or_others : bool
-        Whether a folder without such files may hold files of one other extension.
+        Whether a folder without such files may hold files of one other extension. All numbers
+        count as one extension.
 
     Raises
     ------
@@ -58,7 +75,7 @@ def list_files(
     found = _find_files(path, extensions)
     if not found and or_others:
         found = _find_files(path, ("",))
-        others = sorted({file.suffix.lower() or "none" for file in found})
+        others = sorted({file_extension(file) or "none" for file in found})
         if len(others) > 1:
             raise ValueError(
                 f"{path}: expected a folder with {kind} files ({', '.join(extensions)}), or with "

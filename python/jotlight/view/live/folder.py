@@ -8,6 +8,7 @@ from collections.abc import Container
 from pathlib import Path
 
 from jotlight.errors import hide_warnings
+from jotlight.formats.files.file_lists import NUMBER, file_extension
 from jotlight.sensing.bits.bits import Bits
 from jotlight.view.live import growing_file
 from jotlight.view.live.capture import LiveCapture
@@ -49,7 +50,8 @@ def list_files(folder: Path, seen: Container[str] = ()) -> list[tuple[Key, Path]
 
 
 def _key(path: Path) -> Key:
-    digits = re.findall(r"[0-9]+", path.stem)
+    is_counted = file_extension(path) == NUMBER
+    digits = re.findall(r"[0-9]+", path.name if is_counted else path.stem)
     return int(digits[-1][:18]) if digits else -1, path.name
 
 
@@ -104,7 +106,7 @@ class FolderReader:
         self, folder: Path, open_file: Open, first: Path, seen: set[str], *, is_raw: bool
     ) -> None:
         self._folder, self._open, self._is_raw = folder, open_file, is_raw
-        self._suffix = first.suffix
+        self._extension = file_extension(first)
         self._last, self._seen = _key(first), seen
         self._listed: dict[str, float] = {}
         """When each file that was not yet seen was first listed."""
@@ -138,11 +140,11 @@ class FolderReader:
         now = time.monotonic()
         new = []
         for key, path in list_files(self._folder, self._seen):
-            if path.suffix.lower() == self._suffix.lower():
+            if file_extension(path) == self._extension:
                 new.append((key, path))
             else:
                 self._seen.add(path.name)
-                capture.remark = f"{path.name}: ignored, because it is no {self._suffix}"
+                capture.remark = f"{path.name}: ignored, because it is no {self._extension}"
         self._listed = {path.name: self._listed.get(path.name, now) for _, path in new}
         last = self._last[0]
         for index, ((number, name), _) in enumerate(new):
