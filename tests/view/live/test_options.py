@@ -176,15 +176,28 @@ def test_numbers_of_one_bit_are_packed(tmp_path, opened, monkeypatch, source, dt
     assert live.shape == (6, 13)
 
 
-def test_numbers_that_are_no_bits_are_a_problem_of_a_live_capture(tmp_path, opened):
+@pytest.mark.parametrize("is_sampled", [True, False])
+def test_only_windows_with_numbers_that_are_no_bits_fail(tmp_path, opened, monkeypatch, is_sampled):
+    monkeypatch.setattr("jotlight.view.live.ring._SAMPLE_SECONDS", 0 if is_sampled else 1e9)
     path = tmp_path / "a.raw"
-    path.write_bytes(np.full((1, 6, 13), 7, np.uint8).tobytes())
+    frames = (RNG.random((3, 6, 13)) < 0.5).astype(np.uint8)
+    frames[1] = 7
+    path.write_bytes(frames[:2].tobytes())  # the last frame of each part may be sampled
     options = LiveOptions(layout="6x13,dtype=uint8", arguments={"unpacked": True})
     live = opened(path, options)
-    wait_for(lambda: live.ended)
-    assert live.problem == (
-        "layout: expected one bit in each number, 0 and 1 or 0 and 255, got 7 to 7"
-    )
+    with path.open("ab") as file:
+        file.write(frames[2:].tobytes())
+    wait_for(lambda: len(live.frames) == 3)
+    message = "layout: expected one bit in each number, 0 and 1 or 0 and 255, got 7 to 7"
+    with pytest.raises(ValueError, match=message):
+        live.part(range(1, 2))
+    with pytest.raises(ValueError, match="got 0 to 7"):
+        live.part(range(3))
+    for index in (0, 2):
+        np.testing.assert_array_equal(
+            live.part(range(index, index + 1)).to_array()[0], frames[index]
+        )
+    assert (live.problem, live.ended) == (None, False)
 
 
 def test_raw_frames_of_a_camera_are_decoded(tmp_path, opened):

@@ -23,6 +23,9 @@ _MAX_CHUNK_BYTES = 1 << 24
 class FrameRing:
     """The newest frames, which replace the oldest ones. They are decoded when they are viewed.
 
+    So a frame that cannot be decoded, such as one of numbers that are no bits, is an error of the
+    windows that contain it, and of nothing else.
+
     A reader writes bytes into the memory that :meth:`reserve` returns, and then calls
     :meth:`commit`.
 
@@ -89,10 +92,18 @@ class FrameRing:
         is_due = self._end - 1 >= last + self._sample_step
         if whole and is_due and now >= self._sampled + _SAMPLE_SECONDS:
             self._sampled = now
-            place = (self._end - 1) % self.capacity * self.frame_bytes
-            raw = self._memory[place : place + self.frame_bytes].reshape(1, -1)
-            jots = np.unpackbits(self.layout.decode(raw), axis=2, count=self.layout.width)
-            self._samples.append((self._end - 1, float(jots.mean())))
+            self._sample(self._end - 1)
+
+    def _sample(self, frame: int) -> None:
+        """Count the ones of a frame, which is the newest one, for the plot."""
+        place = frame % self.capacity * self.frame_bytes
+        raw = self._memory[place : place + self.frame_bytes].reshape(1, -1)
+        try:
+            packed = self.layout.decode(raw)
+        except ValueError:  # :meth:`read` raises it for each window with this frame
+            return
+        jots = np.unpackbits(packed, axis=2, count=self.layout.width)
+        self._samples.append((frame, float(jots.mean())))
 
     def append(self, raw: npt.NDArray[np.uint8]) -> None:
         """Add raw frames, of any shape."""
@@ -118,6 +129,8 @@ class FrameRing:
         ------
         FramesGoneError
             When newer frames have replaced some of them, or they have not arrived.
+        ValueError
+            When one of them cannot be decoded.
         """
         with self._lock:
             if not self._first <= frames.start < frames.stop <= self._end:
