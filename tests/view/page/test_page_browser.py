@@ -302,7 +302,12 @@ def test_a_link_beyond_the_capture_shows_what_there_is(opened):
     tab = opened("method=mle&start=5000&window=64")
     assert final(tab)["start"] == 236
     assert tab.locator("#range").inner_text() == "Frames 236 – 299"
-    assert "not available" in tab.locator("#toast").inner_text()
+    text = "Frames 5000 to 5063 are not available. The image is that of frames 236 to 299."
+    assert tab.locator("#toast").inner_text() == text
+    changed = opened("method=mle&window=99999")
+    assert final(changed)["window"] == 300
+    text = "Frames 0 to 99998 are not available. The image is that of frames 0 to 299."
+    assert changed.locator("#toast").inner_text() == text
 
 
 def test_an_image_that_arrives_before_the_next_request_does_not_move_the_slider(opened):

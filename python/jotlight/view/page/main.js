@@ -217,7 +217,8 @@ const handlers = {
     // While the page is about to ask for another window, the image is that of the window before.
     if (!follow && !isAsking && header.id === number && (header.start !== start || header.window !== window)) {
       // The frames that the address or the slider asked for do not exist, or have left memory.
-      warn(`Frames ${start} to ${start + window - 1} are not available.`);
+      const shownFrames = `${header.start} to ${header.start + header.window - 1}`;
+      warn(`Frames ${start} to ${start + window - 1} are not available. The image is that of frames ${shownFrames}.`);
       Object.assign(store.state, { start: header.start, window: header.window });
       controls.update();
       drawTime();
