@@ -316,7 +316,7 @@ def test_intervals_of_saturated_readings_end_at_the_largest_intensity(options):
 
 
 @pytest.mark.slow
-def test_the_blend_does_not_depend_on_the_largest_intensity():
+def test_a_large_largest_intensity_does_not_spoil_the_estimate():
     # Saturated readings agree with any bright light, so held-out ones must not prefer S.
     image = 0.2 + 1.6 * jl.datasets.photograph("camera", gray=True)[::2, ::2][32:160, 32:160]
     sensor = jl.Sensor(frames=16, gain=320.0, threshold=[19, 21] * 8, max_intensity=10.0)

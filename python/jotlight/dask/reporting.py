@@ -1,4 +1,4 @@
-"""What a worker tells the client: the warnings of a task, and where a file is not accessible."""
+"""What a worker reports to the client: its warnings, and its address in errors of files."""
 
 import contextlib
 import sys

@@ -1,7 +1,7 @@
 """The contrast of the bits of captures that are nearly empty because of a high threshold."""
 
 import dataclasses
-from functools import cache
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -42,7 +42,9 @@ class Contrast:
 
     @classmethod
     def of(cls, threshold: int, z: Array, trials: Array, dark_counts: float = 0.0) -> Self:
-        """Return the contrast of bits whose estimate is z, (H, W).
+        """Return the contrast of bits whose estimate is z = arcsin √p, (H, W).
+
+        `trials` is their number in each pixel, (H, W).
 
         Examples
         --------
@@ -72,7 +74,7 @@ class Contrast:
         return np.interp(z, _NODES, ratio ** (self.weight / 2))
 
 
-@cache
+@lru_cache(maxsize=16)
 def _ratio_of_slopes(threshold: int, dark_counts: float) -> Array:
     """Return the derivative of log p by the logarithm of the light, relative to threshold 1.
 
