@@ -27,6 +27,7 @@ __all__ = [
     "changed_remainders",
     "chi_squared",
     "choose_cpu_level",
+    "color_lines",
     "conditioning_weights",
     "cost_of_curve",
     "count_shifted",
@@ -526,6 +527,11 @@ class Network:
         self, planes: npt.NDArray[np.float32], trials: float, threads: int | None
     ) -> npt.NDArray[np.float32]: ...
 
+def color_lines(
+    colors: npt.NDArray[np.float32],
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
 def conditioning_weights(
     trials: float, trials_range: tuple[float, float], sets: int
 ) -> npt.NDArray[np.float64]: ...

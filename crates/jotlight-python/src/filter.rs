@@ -1,6 +1,6 @@
 //! Filters of images.
 
-use jotlight::filter;
+use jotlight::{color_lines as lines, filter};
 use numpy::{PyReadonlyArray3, PyReadwriteArray3};
 use pyo3::prelude::*;
 
@@ -17,4 +17,16 @@ pub fn blur(
 ) -> PyResult<()> {
     let (images, out) = (images.as_array(), out.as_array_mut());
     run(py, threads, || filter::blur(images, sigma, out))
+}
+
+/// Write colors, whose differences follow their light, into `out`.
+#[pyfunction]
+pub fn color_lines(
+    py: Python<'_>,
+    colors: PyReadonlyArray3<'_, f32>,
+    mut out: PyReadwriteArray3<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (colors, out) = (colors.as_array(), out.as_array_mut());
+    run(py, threads, || lines::color_lines(colors, out))
 }

@@ -51,7 +51,7 @@ mod _engine {
     #[pymodule_export]
     use super::diffusion::diffuse;
     #[pymodule_export]
-    use super::filter::blur;
+    use super::filter::{blur, color_lines};
     #[pymodule_export]
     use super::joint::{joint_maximum, joint_solution};
     #[pymodule_export]

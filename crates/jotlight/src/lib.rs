@@ -48,9 +48,10 @@
 //! 15. [`values`] defines parameters that are either one value or one value per element.
 //! 16. [`numbers`] defines the floating-point types, and `lanes` their SIMD vectors.
 //! 17. [`filter`] blurs images.
-//! 18. [`cpu`] selects the instruction set.
-//! 19. [`threads`] runs calls on a number of threads, and interrupts them.
-//! 20. [`roofline`] measures the peak speed of the processor for the benchmarks.
+//! 18. [`color_lines`] removes color fringes.
+//! 19. [`cpu`] selects the instruction set.
+//! 20. [`threads`] runs calls on a number of threads, and interrupts them.
+//! 21. [`roofline`] measures the peak speed of the processor for the benchmarks.
 //!
 //! # Example
 //!
@@ -69,6 +70,7 @@ compile_error!("jotlight needs a 64-bit target, because sizes and positions exce
 pub mod admm;
 pub mod bits;
 mod border;
+pub mod color_lines;
 pub mod cpu;
 pub mod diffusion;
 mod elementary;

@@ -15,6 +15,7 @@ from jotlight.estimators.trial_levels import (
     share_levels,
 )
 from jotlight.networks.color.color_starts import start_of_channels, start_of_mosaic
+from jotlight.networks.color.fringes import remove_fringes
 from jotlight.networks.network import Network
 from jotlight.networks.planes.color_planes import DEVIATIONS, START, Filtered, color_planes
 from jotlight.networks.planes.planes_layers import CENTER
@@ -130,6 +131,7 @@ def estimate_mosaic(
     start, planes = _read_mosaic(gray, counted, mosaic, threads)
     found = _run(network, planes, _local_trials([counted], threads), threads)
     colors = intensity_from_probability(found, sensor, threads)
+    colors = np.clip(remove_fringes(colors, mosaic, threads), 0, sensor.max_intensity)
     trust = _trust(start, sensor, mosaic)
     if (trust < 1).any():
         colors += (1 - trust) * (np.clip(start, 0, sensor.max_intensity) - colors)
