@@ -48,6 +48,7 @@ def sensors() -> dict:
     none = np.zeros(SHAPE, bool)
     efficiency, fine = rng.uniform(0.1, 1, SHAPE), rng.uniform(0.1, 1, (2 * SIDE, 2 * SIDE))
     hot, dead = (rng.random(SHAPE) < share for share in (0.02, 0.05))
+    many = {share: np.random.default_rng(1).random(SHAPE) < share / 100 for share in (30, 60, 90)}
     checkerboard = np.where(np.indices(SHAPE).sum(0) % 2, 1, 4)
     thresholds = rng.choice([1, 2, 4], SHAPE)
 
@@ -62,6 +63,7 @@ def sensors() -> dict:
             of(gain=1.0, dark_counts=np.where(hot, 3.0, 0.01)),
         ),
         "5 % dead jots": (dead, of(gain=1.0, mask=dead)),
+        **{f"{share} % dead jots": (mask, of(gain=1.0, mask=mask)) for share, mask in many.items()},
         "2 x 2 jots with efficiency from 0.1 to 1": (
             none,
             of(gain=6.0, oversampling=2, efficiency=fine),

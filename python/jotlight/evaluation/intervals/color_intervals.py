@@ -26,10 +26,11 @@ from jotlight.evaluation.intervals.error_scale import (
     divide_bits,
     error_model,
 )
-from jotlight.evaluation.intervals.interval_pixels import Pixels, intensity_of, stabilize
+from jotlight.evaluation.intervals.interval_pixels import Pixels
 from jotlight.evaluation.intervals.intervals import MIN_TRIALS
 from jotlight.evaluation.intervals.known_errors import KnownErrors
 from jotlight.evaluation.intervals.known_estimate import read_estimate
+from jotlight.evaluation.intervals.stabilized import intensity_of, stabilize
 from jotlight.evaluation.many_trials import MAX_NETWORK_TRIALS
 from jotlight.kept import kept_property
 from jotlight.layout import Layout

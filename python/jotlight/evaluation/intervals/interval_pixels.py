@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array, Image
+from jotlight.blur import blur
 from jotlight.estimators.trial_levels import count_local_trials
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.intervals.contrast import Contrast
@@ -21,22 +22,23 @@ from jotlight.evaluation.intervals.error_scale import (
     gray_scale,
 )
 from jotlight.evaluation.intervals.known_errors import KnownErrors
+from jotlight.evaluation.intervals.stabilized import intensity_of, slope_of, stabilize
 from jotlight.evaluation.intervals.unlikely import find_contradictions
 from jotlight.kept import kept_property
 from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.likelihood.reference import Jot, typical_jot
-from jotlight.sensing.merged import Merged
-from jotlight.sensing.parameters.binomial import squared_sine, upper_tail
+from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
+from jotlight.sensing.parameters.binomial import upper_tail
 from jotlight.sensing.parameters.response import (
-    detection_density,
     detection_probability,
-    intensity_at_probability,
-    silence_probability,
 )
 from jotlight.sensing.sensor import Sensor
 
 _MIN_TRIALS = 0.5
 """Smallest number of trials for which a scale is computed."""
+
+_LIVE_SIGMA = 3.0
+"""Standard deviation of the window in which live pixels are counted, in pixels."""
 
 _MIN_LIGHT = 1e-4
 """Smallest intensity at which jots are compared, as a fraction of the largest one, or of ten times
@@ -55,69 +57,6 @@ If all of them are 1, the probability of a one is at least 0.94, with a confiden
 
 _MIN_SIDE = 3
 """Smallest side of the square of these bits, in pixels."""
-
-
-def stabilize(
-    intensity: Array, sensor: Sensor, efficiency: float | Array, dark_counts: float | Array
-) -> Array:
-    """Return z = arcsin √p of the probability p that a bit is 1.
-
-    Parameters
-    ----------
-    intensity : ndarray, shape (H, W)
-        Intensities of 0 or more.
-    sensor : Sensor
-        The sensor.
-    efficiency, dark_counts : float or ndarray, shape (H, W)
-        η and d of the pixels.
-
-    Examples
-    --------
-    >>> stabilize(np.array([[0.0, np.log(2)]]), jl.Sensor(), 1.0, 0.0).round(4)  # π/4
-    array([[0.    , 0.7854]])
-    """
-    rate = efficiency * sensor.light_per_intensity * intensity + dark_counts
-    p, rest = (
-        detection_probability(sensor.threshold, rate),
-        silence_probability(sensor.threshold, rate),
-    )
-    return np.asarray(np.arctan2(np.sqrt(p), np.sqrt(rest)))
-
-
-def intensity_of(
-    z: Array, sensor: Sensor, efficiency: float | Array, dark_counts: float | Array
-) -> Array:
-    """Return the intensity in [0, S] of z: the inverse of :func:`stabilize`."""
-    z = np.clip(z, 0, np.pi / 2)
-    p, complement = squared_sine(z), np.cos(z) ** 2
-    slope = efficiency * sensor.light_per_intensity
-    intensity = intensity_at_probability(sensor.threshold, p, complement, slope, dark_counts)
-    # The cosine of the number next to π/2 is not 0, but a saturated jot permits all bright light.
-    intensity = np.where(z < np.pi / 2, intensity, sensor.max_intensity)
-    return np.asarray(np.clip(intensity, 0, sensor.max_intensity))
-
-
-def slope_of(
-    intensity: Array, sensor: Sensor, efficiency: float | Array, dark_counts: float | Array
-) -> Array:
-    """Return the derivative of z with respect to the light of a jot, η c / (2 √[p (1 - p)]).
-
-    The parameters are those of :func:`stabilize`. Where a jot is saturated, it is 0.
-
-    Examples
-    --------
-    >>> z = stabilize(np.array([[0.5, 0.5001]]), jl.Sensor(), 1.0, 0.0)
-    >>> slope = slope_of(np.array([[0.5]]), jl.Sensor(), 1.0, 0.0)
-    >>> bool(abs((z[0, 1] - z[0, 0]) / 1e-4 - slope[0, 0]) < 1e-3)
-    True
-    """
-    rate = efficiency * sensor.light_per_intensity * intensity + dark_counts
-    variance = detection_probability(sensor.threshold, rate) * silence_probability(
-        sensor.threshold, rate
-    )
-    change = efficiency * detection_density(sensor.threshold, rate)
-    noise = 2 * np.sqrt(variance)
-    return np.asarray(np.divide(change, noise, out=np.zeros_like(noise), where=noise > 0))
 
 
 def find_unbounded(
@@ -216,7 +155,8 @@ class Pixels:
     def local_trials(self, trials: Array, slope: float | Array) -> Array:
         """Return the trials of the typical jot with the information of those around each pixel.
 
-        The network denoises with the trials around a pixel, so they determine its errors.
+        The network denoises with the trials around a pixel, so they determine its errors. Pixels
+        without trials tell it nothing, so they count as zeros.
 
         Parameters
         ----------
@@ -230,7 +170,8 @@ class Pixels:
             return np.maximum(equivalent, _MIN_TRIALS)
         counted = PixelCounts(self.sensor, self.ones[None], equivalent[None], 1.0, 0.0, False)
         (local,) = count_local_trials(counted, self.threads)
-        return np.maximum(np.broadcast_to(np.asarray(local, np.float64), trials.shape), _MIN_TRIALS)
+        live = blur(trials > MAX_SILENT_TRIALS, _LIVE_SIGMA, self.threads)
+        return np.maximum(np.asarray(local, np.float64) * live, _MIN_TRIALS)
 
     def relative_slope(self, estimate: Image) -> float | Array:
         """Return the derivative of z at a pixel's own jot with respect to z at the typical jot.

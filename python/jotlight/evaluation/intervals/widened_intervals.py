@@ -9,7 +9,7 @@ from jotlight.array_types import Array
 from jotlight.estimators.readings.neighbors import min_intensity
 from jotlight.estimators.readings.reference_sensors import live_share, reference_sensor
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.intervals.interval_pixels import stabilize
+from jotlight.evaluation.intervals.stabilized import stabilize
 from jotlight.sensing.likelihood.reference import reading_information, reference_jot
 from jotlight.sensing.sensor import Sensor
 
