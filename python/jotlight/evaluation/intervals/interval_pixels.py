@@ -170,7 +170,7 @@ class Pixels:
             return np.maximum(equivalent, _MIN_TRIALS)
         counted = PixelCounts(self.sensor, self.ones[None], equivalent[None], 1.0, 0.0, False)
         (local,) = count_local_trials(counted, self.threads)
-        live = blur(trials > MAX_SILENT_TRIALS, _LIVE_SIGMA, self.threads)
+        live = blur((trials > MAX_SILENT_TRIALS).astype(np.float32), _LIVE_SIGMA, self.threads)
         return np.maximum(np.asarray(local, np.float64) * live, _MIN_TRIALS)
 
     def relative_slope(self, estimate: Image) -> float | Array:
