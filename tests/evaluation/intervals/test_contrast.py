@@ -44,9 +44,17 @@ def test_all_probabilities_have_a_finite_factor(threshold):
 
 
 def test_threshold_1_and_many_ones_change_nothing():
-    trials = np.full((8, 8), 16.0)
-    assert Contrast.of(1, np.full((8, 8), 0.01), trials).factor(Z) == 1
-    np.testing.assert_allclose(Contrast.of(4, np.full((8, 8), 1.3), trials).factor(Z), 1, atol=0.01)
+    trials, dark, bright = np.full((8, 8), 16.0), np.full((8, 8), 0.01), np.full((8, 8), 1.3)
+    assert Contrast.of(1, dark, trials).factor(dark) == 1
+    np.testing.assert_allclose(Contrast.of(4, bright, trials).factor(dark), 1, atol=0.01)
+
+
+def test_a_lamp_changes_only_its_surroundings():
+    trials, z = np.full((128, 128), 16.0), np.full((128, 128), 0.01)
+    z[8:16, 8:16] = 1.3
+    factor = Contrast.of(4, z, trials).factor(z)
+    np.testing.assert_allclose(factor[:24, :24], 1, atol=0.02)
+    np.testing.assert_allclose(factor[64:, 64:], Contrast(4, 1.0).factor(z[64:, 64:]), rtol=1e-3)
 
 
 @pytest.mark.slow

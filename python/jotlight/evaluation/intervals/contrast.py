@@ -7,14 +7,18 @@ from typing import Self
 import numpy as np
 
 from jotlight.array_types import Array
+from jotlight.blur import blur
 from jotlight.sensing.parameters.binomial import squared_sine
 from jotlight.sensing.parameters.response import detection_density, inverse_detection_probability
 
-_NEARLY_ALL = 0.999
-"""Fraction of the pixels that are darker than the brightest ones."""
+_SIDE = 33
+"""Side of the window in which the brightest pixel is found, in pixels."""
+
+_SMOOTH = 8.0
+"""Standard deviation of the filter of the ones of these pixels."""
 
 _FEW_ONES = 1.0
-"""Expected ones of the brightest pixels at which half of the contrast counts."""
+"""Expected ones of the brightest pixel nearby at which half of the contrast counts."""
 
 _MAX_PROBABILITY = 1 - 1e-9
 """Largest probability whose contrast is computed."""
@@ -31,12 +35,13 @@ class Contrast:
     with threshold 1, where the probability p of a one differs between these pixels about as much as
     the light. Behind a threshold q, it is about the light to the power of q. So the scale of errors
     is multiplied by the square root of the ratio of both contrasts. With about one 1 or more in the
-    brightest pixels, estimates show the contrast themselves, and held-out bits show the errors.
+    brightest pixels nearby, estimates show the contrast themselves, and held-out bits show the
+    errors.
     """
 
     threshold: int
-    weight: float
-    """How much the contrast counts, from 0 to 1."""
+    weight: float | Array
+    """How much the contrast counts, from 0 to 1: a number, or a map (H, W)."""
     dark_counts: float = 0.0
     """Dark counts per jot and frame, which hide the contrast of the light."""
 
@@ -49,13 +54,15 @@ class Contrast:
         Examples
         --------
         >>> z, trials = np.full((8, 8), 0.25), np.full((8, 8), 16.0)
-        >>> round(Contrast.of(4, z, trials).weight, 2), Contrast.of(1, z, trials).weight
-        (0.51, 0.0)
+        >>> Contrast.of(4, z, trials).weight[0, 0].round(2), Contrast.of(1, z, trials).weight
+        (np.float64(0.51), 0.0)
         """
+        from scipy.ndimage import maximum_filter
+
         if threshold == 1:
             return cls(threshold, 0.0)
-        bright = float(np.quantile(squared_sine(z), _NEARLY_ALL))
-        ones = float(np.median(trials)) * bright
+        bright = maximum_filter(blur(squared_sine(z), 1.0), _SIDE, mode="nearest")
+        ones = np.median(trials) * blur(bright, _SMOOTH)
         return cls(threshold, 1 / (1 + (ones / _FEW_ONES) ** 2), dark_counts)
 
     def factor(self, z: Array) -> Array | float:
@@ -68,10 +75,10 @@ class Contrast:
         >>> Contrast(1, 0.0).factor(np.array([0.001, 0.5]))
         1.0
         """
-        if self.weight == 0:
+        if self.threshold == 1:
             return 1.0
         ratio = _ratio_of_slopes(self.threshold, self.dark_counts)
-        return np.interp(z, _NODES, ratio ** (self.weight / 2))
+        return np.asarray(np.interp(z, _NODES, ratio) ** (self.weight / 2))
 
 
 @lru_cache(maxsize=16)
