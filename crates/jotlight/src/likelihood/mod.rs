@@ -11,6 +11,7 @@ mod chunk;
 mod one_photon;
 mod proximal;
 mod proximal_problem;
+mod rates;
 mod threshold;
 
 use std::ops::Range;
@@ -22,6 +23,7 @@ use crate::images::for_each_image;
 use crate::values::Values;
 use chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 
+pub(crate) use rates::Rates;
 pub use threshold::Threshold;
 
 /// The smallest rate at which derivatives are evaluated. It replaces rate 0, where the formulas

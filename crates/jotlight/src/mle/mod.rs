@@ -12,7 +12,7 @@ use crate::cpu::levels;
 use crate::elementary::{ELEMENTS_PER_GROUP, minus_ln_1m};
 use crate::error::{Error, Result, check_shape};
 use crate::images::for_each_image;
-use crate::likelihood::{Threshold, check_counts};
+use crate::likelihood::{Rates, Threshold, check_counts};
 use crate::values::{Values, check_not_negative, check_positive};
 use crate::{elements, interrupt};
 
@@ -167,8 +167,10 @@ pub fn from_probability(
     response.check()?;
     jot.check()?;
     if response.threshold.photons() > 1 {
+        let rates = Rates::of(&response.threshold);
         elements::write(out, PIXELS_PER_CHUNK, |index| {
-            response.intensity(f64::from(probability[index]), jot) as f32
+            let rate = rates.rate(f64::from(probability[index]));
+            response.intensity_from_rate(rate, jot) as f32
         });
         return Ok(());
     }
