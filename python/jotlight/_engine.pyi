@@ -8,6 +8,7 @@ __all__ = [
     "BRIGHT",
     "DEBUG_BUILD",
     "RATIO_OF_PASS",
+    "Combined",
     "FilteredTemplate",
     "Layer",
     "Network",
@@ -63,6 +64,9 @@ __all__ = [
     "log_likelihood",
     "look_up_counts",
     "mark_covered",
+    "match_dark_regions",
+    "may_be_dim",
+    "may_have_dark_regions",
     "mle_from_counts",
     "mle_from_jots",
     "mle_from_probability",
@@ -92,6 +96,7 @@ __all__ = [
     "total_variation",
     "total_variation_admm_update",
     "transpose_bits",
+    "trials_per_combined",
     "undo_remainders",
     "velocity_scores",
 ]
@@ -527,6 +532,32 @@ class Network:
         self, planes: npt.NDArray[np.float32], trials: float, threads: int | None
     ) -> npt.NDArray[np.float32]: ...
 
+@final
+class Combined:
+    @staticmethod
+    def of(
+        fractions: npt.NDArray[np.float32], trials: _Trials, smallest: int
+    ) -> Combined | None: ...
+    @property
+    def fractions(self) -> npt.NDArray[np.float32]: ...
+    @property
+    def trials(self) -> _Trials: ...
+    @property
+    def factor(self) -> float: ...
+    def weights(self, probabilities: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]: ...
+
+def may_be_dim(image: npt.NDArray[np.float32], sensor: _SensorModel, trials: float) -> bool: ...
+def may_have_dark_regions(image: npt.NDArray[np.float32], sensor: _SensorModel) -> bool: ...
+def trials_per_combined(
+    fractions: npt.NDArray[np.float32], trials: _Trials, smallest: int
+) -> float: ...
+def match_dark_regions(
+    probabilities: npt.NDArray[np.float32],
+    fractions: npt.NDArray[np.float32],
+    trials: _Trials,
+    threshold: int,
+    threads: int | None,
+) -> npt.NDArray[np.float32]: ...
 def color_lines(
     colors: npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],

@@ -84,8 +84,9 @@ mod _engine {
     };
     #[pymodule_export]
     use super::network::{
-        PreparedLayer, PyNetwork, activate, activate_backward, conditioning_weights, forward,
-        gradient, level_weights, local_trials, normal_equations, squared_errors,
+        PreparedLayer, PyCombined, PyNetwork, activate, activate_backward, conditioning_weights,
+        forward, gradient, level_weights, local_trials, match_dark_regions, may_be_dim,
+        may_have_dark_regions, normal_equations, squared_errors, trials_per_combined,
     };
     #[pymodule_export]
     use super::sensing::{

@@ -52,7 +52,7 @@ impl PyJotResponse {
 pub struct PyJotResponses<'py>(PyValues<'py, f64>, PyValues<'py, f64>);
 
 impl PyJotResponses<'_> {
-    fn to_engine(&self) -> PyResult<JotResponses<'_>> {
+    pub fn to_engine(&self) -> PyResult<JotResponses<'_>> {
         Ok(JotResponses {
             efficiency: self.0.to_engine()?,
             dark_counts: self.1.to_engine()?,

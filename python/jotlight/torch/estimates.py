@@ -9,14 +9,14 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from jotlight._engine import BRIGHT, RATIO_OF_PASS
+from jotlight._engine import BRIGHT, RATIO_OF_PASS, Combined
 from jotlight.networks.inference.coarse_scales import (
     add_coarse,
     has_few_photons,
     sensor_of_squares,
 )
 from jotlight.networks.inference.dark_regions import match_dark_regions, may_have_dark_regions
-from jotlight.networks.inference.dim_scenes import combine, may_be_dim, weight_of_combined
+from jotlight.networks.inference.dim_scenes import may_be_dim
 from jotlight.sensing.likelihood.reference import reference_jot, response_of
 from jotlight.sensing.parameters.response import detection_density, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -192,7 +192,7 @@ def improve_dim(
 ) -> Tensor:
     """Return the intensities (N, 1, H, W) with those of combined trials for dim scenes.
 
-    They are those of :func:`jotlight.networks.inference.dim_scenes.denoise_dim`. In other scenes,
+    They are those of the engine (:mod:`jotlight.networks.inference.dim_scenes`). In other scenes,
     dark regions are those of :func:`jotlight.networks.inference.dark_regions.match_dark_regions`.
 
     Parameters
@@ -213,15 +213,18 @@ def improve_dim(
     images = list(intensity)
     for index, (image, (fraction,)) in enumerate(zip(estimates, fractions, strict=True)):
         found, is_dark = None, may_have_dark_regions(image[0], sensor)
-        if may_be_dim(image, sensor, sensor.trials):
-            found = combine(fraction, sensor.trials, trials_range[0])
+        if may_be_dim(image[0], sensor):
+            found = Combined.of(fraction, sensor.trials, trials_range[0])
         if found is not None:
-            trials, factor = cast(int, found.trials), found.factor
-            scaled = torch.from_numpy(found.fraction * np.float32(trials))[None, None]
+            trials, fractions_of_combined = cast(int, found.trials), found.fractions
+            scaled = torch.from_numpy(fractions_of_combined * np.float32(trials))[None, None]
             scaled = scaled.to(intensity.device)
             (probability,) = _values(probability_of(network, scaled, trials, trials_range)[0])
-            matched = match_dark_regions(probability, found.fraction, trials, sensor.threshold)
-            matched, weight = matched / factor, weight_of_combined(probability, found.fraction)
+            matched = match_dark_regions(
+                probability, fractions_of_combined, trials, sensor.threshold
+            )
+            matched = matched / np.float32(found.factor)
+            weight = found.weights(probability)
         elif is_dark:
             probability = response_of(sensor)(image[0]).astype(np.float32)
             matched = match_dark_regions(probability, fraction, sensor.trials, sensor.threshold)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight._engine import Combined
 from jotlight.metrics import psnr
-from jotlight.networks.inference.dim_scenes import combine, may_be_dim, trials_per_combined
+from jotlight.networks.inference.dim_scenes import may_be_dim, trials_per_combined
+from reference import dim_scenes as twin
 
 
 def photograph():
@@ -80,17 +82,68 @@ def test_bright_scenes_keep_their_trials():
     rng = np.random.default_rng(0)
     fraction = (rng.binomial(256, 0.2, (32, 32)) / 256).astype(np.float32)
     assert trials_per_combined(fraction, 256) == 1
-    assert combine(fraction, 256) is None
-    assert not may_be_dim(np.full((8, 8), 0.5, np.float32), jl.Sensor(), 16)
+    assert Combined.of(fraction, 256, 1) is None
+    assert not may_be_dim(np.full((8, 8), 0.5, np.float32), jl.Sensor(frames=16))
 
 
 def test_combined_trials_are_those_of_every_pixel():
     rng = np.random.default_rng(0)
     trials = rng.uniform(200, 400, (32, 32)).astype(np.float32)
     fraction = (rng.binomial(300, 0.004, (32, 32)) / 300).astype(np.float32)
-    combined, number, factor = combine(fraction, trials)
-    np.testing.assert_allclose(number * factor, trials, rtol=1e-6)
-    np.testing.assert_allclose(combined, fraction * factor, rtol=1e-6)
+    combined = Combined.of(fraction, trials, 1)
+    np.testing.assert_allclose(combined.trials * combined.factor, trials, rtol=1e-6)
+    np.testing.assert_allclose(combined.fractions, fraction * combined.factor, rtol=1e-6)
+
+
+@pytest.mark.parametrize("smallest", [1, 9])
+@pytest.mark.parametrize("rate", [0, 1e-3, 0.02, 0.1, 0.3])
+@pytest.mark.parametrize("trials", [5, 100, 4000, "map"])
+def test_combined_trials_agree_with_numpy(trials, rate, smallest):
+    rng = np.random.default_rng(3)
+    if trials == "map":
+        trials = rng.uniform(200, 400, (31, 33)).astype(np.float32)
+    p = np.minimum(rate * rng.gamma(2, 0.5, (31, 33)), 1)
+    fraction = np.float32(rng.binomial(np.int64(trials), p) / trials)
+    found, expected = (each(fraction, trials, smallest) for each in (Combined.of, twin.combined))
+    factor = trials_per_combined(fraction, trials, smallest)
+    assert factor == pytest.approx(twin.factor_of(fraction, trials, smallest), rel=1e-5)
+    assert (found is None) == (expected is None)
+    if found is None or expected is None:
+        return
+    fractions, number, factor = expected
+    assert found.factor == pytest.approx(factor, rel=1e-5)
+    np.testing.assert_allclose(found.fractions, fractions, rtol=1e-5)
+    np.testing.assert_allclose(found.trials, number, rtol=1e-5)
+    estimate = rng.random((31, 33), np.float32)
+    weights = twin.weights(estimate, found.fractions)
+    np.testing.assert_allclose(found.weights(estimate), weights, atol=1e-6)
+
+
+def test_combined_trials_weigh_less_in_bright_pixels():
+    fraction = np.zeros((64, 64), np.float32)
+    fraction[0, :2] = 0.125, 0.25
+    combined = Combined.of(fraction, 16, 1)
+    np.testing.assert_array_equal(combined.fractions[0, :3], [0.5, 1.0, 0.0])
+    for p, weights in ((0.01, [1, 0, 1]), (0.375, [0.5, 0, 0.5]), (0.9, [0, 0, 0])):
+        found = combined.weights(np.full((64, 64), p, np.float32))
+        np.testing.assert_allclose(found[0, :3], weights, atol=1e-6)
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+@pytest.mark.parametrize(
+    ("frames", "photons"),
+    [(16, 0.02), (100, 0.005), (100, 0.2), (1000, 0.001), (1000, 0.1), (16, 4.0)],
+)
+def test_images_agree_with_numpy_up_to_rounding(frames, photons, threshold):
+    sensor = jl.Sensor(frames=frames, gain=frames * photons, threshold=threshold)
+    # Squares of pixels would change images of 32 rows and more.
+    bits = sensor.expose(photograph()[:31], rng=0)
+    counts, network = bits.counts(), jl.pretrained(sensor, "small")
+    expected = twin.corrected(network, counts, sensor)
+    for data in (bits, counts, jl.Merged(counts, float(frames), sensor)):
+        found = network.reconstruct(data, sensor)
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
+        np.testing.assert_array_equal(network.reconstruct(data, sensor, threads=1), found)
 
 
 def test_bits_of_a_scene_without_light_are_black():

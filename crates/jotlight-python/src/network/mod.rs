@@ -1,5 +1,6 @@
 //! The binding of the network: its layers, its forward pass, its splines, and its training.
 
+mod dim_scenes;
 mod inference;
 mod layers;
 mod model;
@@ -7,6 +8,9 @@ mod splines;
 mod training;
 mod trials;
 
+pub use dim_scenes::{
+    PyCombined, match_dark_regions, may_be_dim, may_have_dark_regions, trials_per_combined,
+};
 pub use inference::forward;
 pub use layers::PreparedLayer;
 pub use model::PyNetwork;

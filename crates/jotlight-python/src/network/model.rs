@@ -40,7 +40,7 @@ type PyParameters<'py> = (
 pub struct PySensorModel(u32, PyPixelResponse, PyJotResponse);
 
 impl PySensorModel {
-    fn to_engine(&self) -> PyResult<SensorModel> {
+    pub fn to_engine(&self) -> PyResult<SensorModel> {
         Ok(SensorModel {
             trials: self.0,
             response: self.1.to_engine()?,

@@ -79,9 +79,14 @@ pub fn local_trials(
     let found: Vec<LocalTrials> = run(py, threads, || {
         maps.into_iter().map(network::local_trials).collect()
     })?;
-    let to_python = |trials: LocalTrials| match trials {
+    let found = found.into_iter();
+    found.map(|trials| trials_to_python(py, trials)).collect()
+}
+
+/// Return local trials as one number, or a map.
+pub fn trials_to_python(py: Python<'_>, trials: LocalTrials) -> PyResult<Py<PyAny>> {
+    match trials {
         LocalTrials::Same(trials) => Ok(trials.into_pyobject(py)?.into_any().unbind()),
         LocalTrials::Map(map) => Ok(map.into_owned().into_pyarray(py).into_any().unbind()),
-    };
-    found.into_iter().map(to_python).collect()
+    }
 }

@@ -6,6 +6,6 @@ In reading order:
   data a network serves.
 - ``inference``: how the engine gets the data. ``conditional_inference``, ``trials_map``: smooth
   kernels, and maps of trials.
-- ``dim_scenes``: several trials become one. ``dark_regions``: dark regions get the mean of their
-  bits. ``coarse_scales``: squares of pixels. ``finer_grid``: a grid of half pixels.
+- ``dim_scenes``, ``dark_regions``: which scenes the engine corrects, because hardly any bit is 1.
+  ``coarse_scales``: squares of pixels. ``finer_grid``: a grid of half pixels.
 """

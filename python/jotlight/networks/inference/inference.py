@@ -13,16 +13,11 @@ from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.errors import hide_warnings
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
-from jotlight.estimators.inverse_response import (
-    equivalent_counts,
-    intensity_from_probability,
-)
+from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.estimators.readings.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
 from jotlight.layout import Layout
 from jotlight.networks.inference.coarse_scales import add_coarse, counts_of_squares, has_few_photons
-from jotlight.networks.inference.dark_regions import match_dark_regions, may_have_dark_regions
-from jotlight.networks.inference.dim_scenes import denoise_dim, may_be_dim
 from jotlight.networks.inference.engine_backed import GrayNetwork, sensor_model
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import check_fits
@@ -30,7 +25,7 @@ from jotlight.sensing.bits.output_images import OutputImages
 from jotlight.sensing.bits.values import check_any_valid
 from jotlight.sensing.data.gray_outputs import output_of
 from jotlight.sensing.data.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
-from jotlight.sensing.likelihood.reference import Jot, reference_jot, response_of, typical_jot
+from jotlight.sensing.likelihood.reference import Jot, reference_jot, typical_jot
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
@@ -57,7 +52,8 @@ class Inference:
 
         The engine runs the network once for images with the same number of trials, if it serves
         them. Other images take several levels of K: those with a map of trials, and those with more
-        trials than the network was trained for.
+        trials than the network was trained for. It also combines trials of dim scenes, and corrects
+        dark regions.
 
         Raises
         ------
@@ -76,7 +72,6 @@ class Inference:
             images, sensor = merge_different_jots(self.images, self.sensor, self.threads)
             alike = dataclasses.replace(self, images=images, sensor=sensor)
             alike._run_tied()
-            alike._improve_dark()
             alike._improve_coarse()
         return self.output.images
 
@@ -151,44 +146,6 @@ class Inference:
                 list(self.output.images[part]),
                 self.threads,
             )
-
-    def _improve_dark(self) -> None:
-        """Replace the intensities of dim scenes by those of combined trials.
-
-        In other scenes, correct those of dark regions.
-        """
-        data, sensor, threads = self.images.data, self.sensor, self.threads
-        number = math.inf if isinstance(data[0], Merged) else sensor.trials
-        found = self.output.images
-        chosen = [
-            index
-            for index, each in enumerate(found)
-            if may_be_dim(each, sensor, number) or may_have_dark_regions(each, sensor)
-        ]
-        if not chosen:
-            return
-        part = GrayImages([data[index] for index in chosen], Layout((len(chosen),)))
-        pixels = _with_typical_sensor(part.count(sensor, threads))
-        with hide_warnings():  # the first estimate has warned
-            fractions = equivalent_counts(pixels, reference_jot(pixels.sensor), 1, threads)
-        trials = count_local_trials(pixels, threads)
-        smallest, _ = cast(tuple[int, int], self.network.trials_range)
-        threshold = pixels.sensor.threshold
-        better = denoise_dim(self.network, fractions, trials, threshold, smallest, threads=threads)
-        for index, result, fraction, each in zip(chosen, better, fractions, trials, strict=True):
-            image = found[index]
-            if result is not None:
-                probability, weight = result
-            elif may_have_dark_regions(image, sensor):
-                probability = response_of(pixels.sensor)(image).astype(np.float32)
-                probability = match_dark_regions(probability, fraction, each, threshold, threads)
-                # Other pixels stay exactly as they are.
-                weight = (probability < 0.5).astype(np.float32)
-            else:
-                continue
-            probability = np.clip(probability, 0, 1)
-            intensity = intensity_from_probability(probability, pixels.sensor, threads)
-            image[...] = (1 - weight) * image + weight * intensity
 
     def _improve_coarse(self) -> None:
         """Correct the coarse structure of images with few photons by squares of pixels."""

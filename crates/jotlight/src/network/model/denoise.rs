@@ -183,10 +183,8 @@ fn check_trials(images: &[ArrayView2<'_, f32>], trials: &[LocalTrials]) -> Resul
         if image.is_empty() {
             return Err(Error::range("image", "at least one pixel", "none"));
         }
+        trials.check_shape(image.dim())?;
         if let LocalTrials::Map(map) = trials {
-            if map.dim() != image.dim() {
-                return Err(Error::shape("trials", image.dim(), map.dim()));
-            }
             check_map(map.view())?;
         }
     }

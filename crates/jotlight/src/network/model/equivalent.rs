@@ -71,7 +71,11 @@ impl Reconstruction<'_> {
                 out[place].assign(&found);
             }
         }
-        out.into_iter().try_for_each(|out| self.to_intensities(out))
+        out.iter_mut()
+            .try_for_each(|out| self.to_intensities(out.view_mut()))?;
+        write_images(images.iter().collect(), out, |image, out| {
+            self.correct_dark(out, &image.trials, || Ok(image.counts_of(1).into_owned()))
+        })
     }
 
     /// Return the local trials of pixels.

@@ -36,6 +36,14 @@ impl LocalTrials {
         }
     }
 
+    /// Check that a map has the shape of its image.
+    pub(super) fn check_shape(&self, image: (usize, usize)) -> Result<()> {
+        match self {
+            Self::Map(map) if map.dim() != image => Err(Error::shape("trials", image, map.dim())),
+            _ => Ok(()),
+        }
+    }
+
     /// Return the largest number.
     pub(super) fn max(&self) -> f64 {
         match self {

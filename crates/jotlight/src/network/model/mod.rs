@@ -5,7 +5,10 @@
 
 mod bounds;
 mod conditioning;
+mod corrections;
+mod dark_regions;
 mod denoise;
+mod dim_scenes;
 mod equivalent;
 mod evaluate;
 #[cfg(feature = "safetensors")]
@@ -31,7 +34,9 @@ use crate::error::{Error, Result};
 use crate::mle::{JotResponse, PixelResponse};
 
 pub use conditioning::conditioning_weights;
+pub use dark_regions::match_dark_regions;
 pub use denoise::RATIO_OF_PASS;
+pub use dim_scenes::{Combined, trials_per_combined};
 pub use levels::level_weights;
 pub use local_trials::{LocalTrials, local_trials};
 pub use pixels::{EquivalentCounts, Pixels};
@@ -110,6 +115,12 @@ impl SensorModel {
     /// Return η α/K: the expected detections of a jot per frame at intensity 1.
     fn detected_light(&self) -> f64 {
         self.jot.efficiency * self.response.light_per_intensity
+    }
+
+    /// Return P(b = 1) at an intensity.
+    fn detection_probability(&self, intensity: f64) -> f64 {
+        let rate = self.detected_light() * intensity.max(0.0) + self.jot.dark_counts;
+        self.response.threshold.detection_probability(rate)
     }
 }
 

@@ -51,12 +51,16 @@ impl<'a> Reconstruction<'a> {
     /// [`Error::Shape`] if the shapes do not match, or the rows of `out` are not contiguous.
     /// [`Error::Range`] for a count outside of 0 to K, and for networks that weigh each jot of a pixel.
     pub fn counts(&self, counts: ArrayView2<'_, i32>, out: ArrayViewMut2<'_, f32>) -> Result<()> {
-        let pixels = Pixels {
+        self.pixels(&self.alike(counts), out)
+    }
+
+    /// Return the pixels of counts of the sensor.
+    fn alike<'c>(&self, counts: ArrayView2<'c, i32>) -> Pixels<'c> {
+        Pixels {
             counts,
             trials: Values::Same(f64::from(self.sensor.trials)),
             jots: same_jots(self.sensor.jot),
-        };
-        self.pixels(&pixels, out)
+        }
     }
 
     /// Write the image of counts L with a number of trials for each pixel into `out`.
@@ -92,7 +96,7 @@ impl<'a> Reconstruction<'a> {
     /// [`Error::Shape`] if the shapes do not match, or the rows of `out` are not contiguous.
     /// [`Error::Range`] for trials that are not above 0, a count outside of 0 to its trials, different
     /// trials for networks for one K, and networks that weigh each jot of a pixel.
-    pub fn pixels(&self, pixels: &Pixels<'_>, out: ArrayViewMut2<'_, f32>) -> Result<()> {
+    pub fn pixels(&self, pixels: &Pixels<'_>, mut out: ArrayViewMut2<'_, f32>) -> Result<()> {
         let local = self.local_trials_of(pixels)?;
         let level = self.level(&local);
         let of = level.unwrap_or(1);
@@ -109,10 +113,11 @@ impl<'a> Reconstruction<'a> {
         if has_table && level.is_some() && self.network.is_tied() {
             let layers = self.network.layers_for(f64::from(of), self.zeros)?;
             let table = self.table(&layers, pixels, of)?;
-            return self.write(out, |out| {
+            self.write(out.view_mut(), |out| {
                 let layers: Vec<_> = layers.iter().collect();
                 forward_counts(&layers, pixels.counts, table.view(), out)
-            });
+            })?;
+            return self.correct_dark(out, &local, || self.equivalent(pixels, 1));
         }
         let equivalent = self.equivalent(pixels, of)?;
         let counts = EquivalentCounts {
@@ -132,7 +137,7 @@ impl<'a> Reconstruction<'a> {
         &self,
         bits: &PackedBits<'_>,
         oversampling: usize,
-        out: ArrayViewMut2<'_, f32>,
+        mut out: ArrayViewMut2<'_, f32>,
     ) -> Result<()> {
         let size = bits.pixel_shape(oversampling)?;
         let trials = crate::bits::trials(bits.shape().0, oversampling)?.cast_unsigned();
@@ -145,27 +150,25 @@ impl<'a> Reconstruction<'a> {
             let layers: Vec<_> = layers.iter().collect();
             return self.write(out, |out| forward_bits(&layers, bits, out));
         }
-        let level = self.level(&LocalTrials::Same(trials));
+        let local = LocalTrials::Same(trials);
+        let level = self.level(&local);
         if self.network.rotations == 1
             && let Some(level) = level
             && (trials as usize) < size.0 * size.1
         {
             let layers = self.network.layers_for(f64::from(level), self.zeros)?;
-            let one = Array2::zeros((1, 1));
-            let pixels = Pixels {
-                counts: one.view(),
-                trials: Values::Same(f64::from(trials)),
-                jots: same_jots(self.sensor.jot),
-            };
-            let table = self.table(&layers, &pixels, level)?;
+            let none = Array2::zeros((1, 1));
+            let table = self.table(&layers, &self.alike(none.view()), level)?;
             let layers: Vec<_> = layers.iter().collect();
-            return self.write(out, |out| {
+            self.write(out.view_mut(), |out| {
                 forward_tied_bits(&layers, bits, oversampling, table.view(), out)
+            })?;
+            return self.correct_dark(out, &local, || {
+                let counts = count_ones(bits, oversampling)?;
+                self.equivalent(&self.alike(counts.view()), 1)
             });
         }
-        let mut counts = Array2::zeros(size);
-        add_block_counts(bits, oversampling, None, counts.view_mut())?;
-        self.counts(counts.view(), out)
+        self.counts(count_ones(bits, oversampling)?.view(), out)
     }
 
     /// Write the image of the sums of the first layer of a network for one sensor, `(C, H, W)`, into
@@ -199,6 +202,13 @@ impl<'a> Reconstruction<'a> {
             _ => None,
         }
     }
+}
+
+/// Return the number of ones of each pixel.
+fn count_ones(bits: &PackedBits<'_>, oversampling: usize) -> Result<Array2<i32>> {
+    let mut counts = Array2::zeros(bits.pixel_shape(oversampling)?);
+    add_block_counts(bits, oversampling, None, counts.view_mut())?;
+    Ok(counts)
 }
 
 fn same_jots(jot: JotResponse) -> JotResponses<'static> {
