@@ -18,6 +18,7 @@ __all__ = [
     "activate_backward",
     "add_accepted",
     "add_block_counts",
+    "add_coarse",
     "add_counts",
     "add_counts_of_blocks",
     "add_object_gain",
@@ -48,6 +49,7 @@ __all__ = [
     "fit_blocks",
     "forward",
     "gradient",
+    "has_few_photons",
     "inner_products",
     "inverse_anscombe_algebraic",
     "inverse_anscombe_exact",
@@ -93,6 +95,7 @@ __all__ = [
     "spread_forward",
     "spread_normal",
     "squared_errors",
+    "sum_counts",
     "total_variation",
     "total_variation_admm_update",
     "transpose_bits",
@@ -551,6 +554,27 @@ def may_have_dark_regions(image: npt.NDArray[np.float32], sensor: _SensorModel) 
 def trials_per_combined(
     fractions: npt.NDArray[np.float32], trials: _Trials, smallest: int
 ) -> float: ...
+def has_few_photons(
+    image: npt.NDArray[np.float32], sensor: _SensorModel, trials: float
+) -> bool: ...
+def sum_counts(
+    counts: npt.NDArray[np.int32],
+    trials: float | npt.NDArray[np.float64],
+    jots: tuple[float | npt.NDArray[np.float64], float | npt.NDArray[np.float64]],
+    threshold: int,
+    threads: int | None,
+) -> tuple[
+    npt.NDArray[np.int32],
+    float | npt.NDArray[np.float64],
+    tuple[float | npt.NDArray[np.float64], float | npt.NDArray[np.float64]],
+]: ...
+def add_coarse(
+    fine: npt.NDArray[np.float32],
+    coarse: npt.NDArray[np.float32],
+    sensor: _SensorModel,
+    trials: float | npt.NDArray[np.float64],
+    threads: int | None,
+) -> npt.NDArray[np.float32]: ...
 def match_dark_regions(
     probabilities: npt.NDArray[np.float32],
     fractions: npt.NDArray[np.float32],

@@ -84,9 +84,10 @@ mod _engine {
     };
     #[pymodule_export]
     use super::network::{
-        PreparedLayer, PyCombined, PyNetwork, activate, activate_backward, conditioning_weights,
-        forward, gradient, level_weights, local_trials, match_dark_regions, may_be_dim,
-        may_have_dark_regions, normal_equations, squared_errors, trials_per_combined,
+        PreparedLayer, PyCombined, PyNetwork, activate, activate_backward, add_coarse,
+        conditioning_weights, forward, gradient, has_few_photons, level_weights, local_trials,
+        match_dark_regions, may_be_dim, may_have_dark_regions, normal_equations, squared_errors,
+        sum_counts, trials_per_combined,
     };
     #[pymodule_export]
     use super::sensing::{

@@ -241,7 +241,7 @@ def improve_coarse(
 ) -> Tensor:
     """Return the intensities (N, 1, H, W) with the coarse structure of squares of pixels.
 
-    They are those of :mod:`jotlight.networks.inference.coarse_scales`.
+    They are those of the engine (:mod:`jotlight.networks.inference.coarse_scales`).
 
     Parameters
     ----------

@@ -5,18 +5,18 @@ import pytest
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.networks.inference import coarse_scales
 from jotlight.networks.inference.coarse_scales import (
     add_coarse,
     counts_of_squares,
     has_few_photons,
-    jots_of_squares,
-    log_information,
     sensor_of_squares,
+    sum_counts,
 )
-from jotlight.networks.inference.inference import Inference
+from jotlight.networks.inference.engine_backed import sensor_model
 from jotlight.sensing.data.pixel_counts import PixelCounts
+from jotlight.sensing.likelihood.reference import response_of
 from jotlight.squares import sum_squares
+from reference import coarse_scales as twin
 
 FEW = [(1, 0.2), (4, 0.02), (64, 0.002), (1000, 1e-4)]
 """Numbers of frames, and photons per frame at intensity 1."""
@@ -26,22 +26,25 @@ def photograph():
     return jl.datasets.photograph("camera")[60:252, 160:352].astype(float)
 
 
-def without_squares(monkeypatch, *arguments, **options):
-    with monkeypatch.context() as context:
-        context.setattr(Inference, "_improve_coarse", lambda self: None)
-        return jl.reconstruct(*arguments, **options)
+def without_squares(bits, quality="medium"):
+    """Return the estimate of bits whose squares are not known to the engine."""
+    sensor, counts = bits.sensor, bits.counts()
+    engine, out = jl.pretrained(sensor, quality).engine_network, np.empty((1, *counts.shape), "f4")
+    numbers = [sensor.trials], [sensor.trials]
+    engine.equivalent_counts(
+        np.float32(counts)[None], *numbers, sensor_model(sensor), list(out), None
+    )
+    return out[0]
 
 
 @pytest.mark.parametrize(("frames", "photons"), FEW)
 @pytest.mark.parametrize(
     "quality", ["medium", *(pytest.param(q, marks=pytest.mark.slow) for q in ("small", "large"))]
 )
-def test_images_of_few_photons_are_better_and_as_bright_as_the_scene(
-    monkeypatch, frames, photons, quality
-):
+def test_images_of_few_photons_are_better_and_as_bright_as_the_scene(frames, photons, quality):
     image, sensor = photograph(), jl.Sensor(frames=frames, gain=frames * photons)
     bits = sensor.expose(image, rng=1)
-    before = without_squares(monkeypatch, bits, quality=quality)
+    before = without_squares(bits, quality)
     found = jl.reconstruct(bits, quality=quality)
     assert psnr(found, image) > psnr(before, image) + 0.15
     # The number of ones determines the mean to this precision.
@@ -49,26 +52,25 @@ def test_images_of_few_photons_are_better_and_as_bright_as_the_scene(
     assert found.mean() == pytest.approx(image.mean(), rel=0.03 + 3 / np.sqrt(ones))
 
 
-def test_many_photons_need_no_squares(monkeypatch):
+def test_many_photons_need_no_squares():
     sensor = jl.Sensor(frames=16)
     bits = sensor.expose(photograph(), rng=0)
     found = jl.reconstruct(bits)
-    np.testing.assert_array_equal(found, without_squares(monkeypatch, bits))
+    np.testing.assert_array_equal(found, without_squares(bits))
 
 
 @pytest.mark.parametrize("threshold", [1, 2])
 def test_the_information_is_that_of_the_likelihood(threshold):
-    """It is the mean of the squared derivative by the logarithm, by finite differences."""
+    """That of the twin is the mean squared derivative by the logarithm, by finite differences."""
     sensor = jl.Sensor(frames=8, gain=12.0, threshold=threshold, dark_counts=0.3, efficiency=0.6)
     step = 1e-5
     for intensity in (0.01, 0.4, 1.0):
         p, above, below = (
-            coarse_scales.response_of(sensor)(np.array(intensity * np.exp(shift)))
-            for shift in (0, step, -step)
+            response_of(sensor)(np.array(intensity * np.exp(shift))) for shift in (0, step, -step)
         )
         slope = (above - below) / (2 * step)
         expected = 8 * slope**2 / (p * (1 - p))
-        assert log_information(intensity, sensor, 8) == pytest.approx(expected, rel=1e-6)
+        assert twin.log_information(intensity, sensor, 8) == pytest.approx(expected, rel=1e-6)
 
 
 def test_few_photons_are_counted_without_dark_counts():
@@ -88,7 +90,8 @@ def test_counts_of_squares_are_those_of_a_loop(shape, threshold):
     counts = np.floor(rng.random(trials.shape) * trials).astype(np.int32)
     efficiency, dark = rng.uniform(0.2, 1, trials.shape), rng.uniform(0, 2, trials.shape)
     sensor = jl.Sensor(frames=9, threshold=threshold)
-    found = counts_of_squares(PixelCounts(sensor, counts, trials, efficiency, dark, False))
+    pixels = PixelCounts(sensor, counts, trials, efficiency, dark, False)
+    found = counts_of_squares(pixels, [0, 1], None)
     assert found[0].sensor == sensor_of_squares(sensor)
     assert found[0].sensor.light_per_intensity == sensor.light_per_intensity
     rows, columns = (np.minimum(np.arange(n + n % 2), n - 1).reshape(-1, 2) for n in shape)
@@ -108,16 +111,44 @@ def test_counts_of_squares_are_those_of_a_loop(shape, threshold):
 
 def test_squares_of_many_dark_counts_have_finite_ones():
     dark = np.full((2, 2), 1000.0)
-    _, found = jots_of_squares(jl.Sensor(), np.ones((2, 2)), 1.0, dark)
-    assert 700 < found[0, 0] < 1000
+    found = sum_counts(np.ones((2, 2), np.int32), 1.0, 1.0, dark, jl.Sensor(frames=4))
+    assert 700 < found.dark_counts[0, 0] < 1000
 
 
 def test_pixels_alike_have_squares_alike():
     counts = np.ones((1, 4, 4), np.int32)
-    (merged,) = counts_of_squares(PixelCounts(jl.Sensor(frames=3), counts, 3.0, 0.5, 0.1, False))
-    assert np.unique(merged.trials) == 12
-    assert np.unique(merged.efficiency) == 0.5
-    assert np.unique(merged.dark_counts) == pytest.approx(0.1)
+    pixels = PixelCounts(jl.Sensor(frames=3), counts, 3.0, 0.5, 0.1, False)
+    (merged,) = counts_of_squares(pixels, [0], None)
+    assert (merged.trials, merged.efficiency, merged.dark_counts) == (12.0, 0.5, 0.1)
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+@pytest.mark.parametrize("shape", [(16, 16), (33, 41), (50, 64)])
+def test_the_coarse_structure_agrees_with_scipy(shape, threshold):
+    rng = np.random.default_rng(0)
+    sensor = jl.Sensor(
+        frames=4, gain=3.0, threshold=threshold, dark_counts=0.05, efficiency=0.7, max_intensity=2.0
+    )
+    fine = np.float32(rng.gamma(0.5, 0.5, shape).clip(0, 2))
+    coarse = np.float32(rng.gamma(0.5, 0.5, sum_squares(fine).shape).clip(0, 2))
+    for trials in (4.0, rng.uniform(1, 40, coarse.shape)):
+        found = add_coarse(fine, coarse, sensor, trials)
+        expected = twin.add_coarse(fine, coarse, sensor, trials)
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
+        np.testing.assert_array_equal(add_coarse(fine, coarse, sensor, trials, 1), found)
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+@pytest.mark.parametrize(("frames", "photons"), [*FEW, (16, 0.05), (1000, 0.3)])
+def test_images_agree_with_the_twin_up_to_rounding(frames, photons, threshold):
+    sensor = jl.Sensor(frames=frames, gain=frames * photons, threshold=threshold)
+    bits = sensor.expose(photograph()[:65, :97], rng=0)
+    counts, network = bits.counts(), jl.pretrained(sensor, "small")
+    expected = twin.corrected(network, counts, sensor)
+    for data in (bits, counts, jl.Merged(counts, float(frames), sensor)):
+        found = network.reconstruct(data, sensor)
+        np.testing.assert_allclose(found, expected, rtol=2e-4, atol=1e-6)
+        np.testing.assert_array_equal(network.reconstruct(data, sensor, threads=1), found)
 
 
 @pytest.mark.parametrize("shape", [(32, 40), (33, 41)])

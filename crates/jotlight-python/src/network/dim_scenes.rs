@@ -1,12 +1,14 @@
-//! Corrections of the images of dim scenes and of dark regions.
+//! Corrections of the images of dim scenes, of dark regions, and of few photons.
 
 use jotlight::likelihood::Threshold;
-use jotlight::network::{self, Combined, LocalTrials};
+use jotlight::network::{self, Combined, LocalTrials, OfSquares, Pixels, Squares};
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use super::model::PySensorModel;
 use super::trials::{PyTrials, to_engine_trials, trials_to_python};
+use crate::arguments::{PyValues, ValueOrArray};
+use crate::mle::PyJotResponses;
 use crate::{run, to_python};
 
 /// Return whether an image of intensities is so dark that trials may be combined.
@@ -107,4 +109,73 @@ pub fn match_dark_regions<'py>(
 
 fn to_engine(trials: PyTrials<'_>) -> LocalTrials {
     to_engine_trials(&[trials]).swap_remove(0)
+}
+
+/// Return whether an image of intensities gains from squares of pixels.
+#[pyfunction]
+pub fn has_few_photons(
+    image: PyReadonlyArray2<'_, f32>,
+    sensor: PySensorModel,
+    trials: f64,
+) -> PyResult<bool> {
+    Ok(sensor
+        .to_engine()?
+        .has_few_photons(image.as_array(), trials))
+}
+
+/// The ones of squares, and their trials, efficiency, and dark counts: numbers or maps.
+type PySquares<'py> = (Bound<'py, PyArray2<i32>>, Py<PyAny>, (Py<PyAny>, Py<PyAny>));
+
+/// Return the counts of squares of 2 x 2 pixels.
+#[pyfunction]
+pub fn sum_counts<'py>(
+    py: Python<'py>,
+    counts: PyReadonlyArray2<'_, i32>,
+    trials: PyValues<'_, f64>,
+    jots: PyJotResponses<'_>,
+    threshold: u32,
+    threads: Option<isize>,
+) -> PyResult<PySquares<'py>> {
+    let pixels = Pixels {
+        counts: counts.as_array(),
+        trials: trials.to_engine()?,
+        jots: jots.to_engine()?,
+    };
+    let threshold = Threshold::new(threshold).map_err(to_python)?;
+    let squares = run(py, threads, || Squares::of(&pixels, threshold))?;
+    let to_python = |values: OfSquares| -> PyResult<Py<PyAny>> {
+        Ok(match values {
+            OfSquares::Same(value) => value.into_pyobject(py)?.into_any().unbind(),
+            OfSquares::Each(map) => map.into_pyarray(py).into_any().unbind(),
+        })
+    };
+    Ok((
+        squares.counts.into_pyarray(py),
+        to_python(squares.trials)?,
+        (
+            to_python(squares.efficiency)?,
+            to_python(squares.dark_counts)?,
+        ),
+    ))
+}
+
+/// Return an image that gains what squares of pixels say about its coarse structure.
+#[pyfunction]
+pub fn add_coarse<'py>(
+    py: Python<'py>,
+    fine: PyReadonlyArray2<'_, f32>,
+    coarse: PyReadonlyArray2<'_, f32>,
+    sensor: PySensorModel,
+    trials: ValueOrArray<f64, PyReadonlyArray2<'_, f64>>,
+    threads: Option<isize>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let (fine, coarse, sensor) = (fine.as_array(), coarse.as_array(), sensor.to_engine()?);
+    let trials = match trials {
+        ValueOrArray::Value(trials) => OfSquares::Same(trials),
+        ValueOrArray::Array(map) => OfSquares::Each(map.as_array().to_owned()),
+    };
+    let found = run(py, threads, || {
+        network::add_coarse(fine, coarse, &sensor, &trials)
+    })?;
+    Ok(found.into_pyarray(py))
 }

@@ -9,7 +9,8 @@ mod training;
 mod trials;
 
 pub use dim_scenes::{
-    PyCombined, match_dark_regions, may_be_dim, may_have_dark_regions, trials_per_combined,
+    PyCombined, add_coarse, has_few_photons, match_dark_regions, may_be_dim, may_have_dark_regions,
+    sum_counts, trials_per_combined,
 };
 pub use inference::forward;
 pub use layers::PreparedLayer;

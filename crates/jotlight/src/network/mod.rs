@@ -22,7 +22,7 @@
 //! combines networks in other ways, and needs some of their parts: [`level_weights`],
 //! [`local_trials`], [`conditioning_weights`], [`BRIGHT`], [`RATIO_OF_PASS`], [`write_images`],
 //! [`Compiled`], [`Network::conditioned`], [`Network::run_counts`], [`Network::denoise`],
-//! [`Combined`], [`trials_per_combined`], and [`match_dark_regions`].
+//! [`Combined`], [`trials_per_combined`], [`match_dark_regions`], [`Squares`], and [`add_coarse`].
 
 mod compiled;
 mod convolution;
@@ -44,9 +44,9 @@ pub use forward::{
 pub use images::write_images;
 pub use layer::{Layer, Wiring};
 pub use model::{
-    BRIGHT, Combined, EquivalentCounts, LayerParameters, LocalTrials, Network, Pixels,
-    RATIO_OF_PASS, Reconstruction, SensorModel, Served, conditioning_weights, level_weights,
-    local_trials, match_dark_regions, trials_per_combined,
+    BRIGHT, Combined, EquivalentCounts, LayerParameters, LocalTrials, Network, OfSquares, Pixels,
+    RATIO_OF_PASS, Reconstruction, SensorModel, Served, Squares, add_coarse, conditioning_weights,
+    level_weights, local_trials, match_dark_regions, trials_per_combined,
 };
 pub use precision::Precision;
 pub use spline::channels::Splines;

@@ -11,6 +11,7 @@ mod interrupt;
 mod likelihood;
 mod mle;
 mod model;
+mod model_corrections;
 mod model_data;
 mod model_images;
 mod motion_curve;

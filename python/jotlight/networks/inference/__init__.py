@@ -7,5 +7,5 @@ In reading order:
 - ``inference``: how the engine gets the data. ``conditional_inference``, ``trials_map``: smooth
   kernels, and maps of trials.
 - ``dim_scenes``, ``dark_regions``: which scenes the engine corrects, because hardly any bit is 1.
-  ``coarse_scales``: squares of pixels. ``finer_grid``: a grid of half pixels.
+  ``coarse_scales``: squares of pixels that differ. ``finer_grid``: a grid of half pixels.
 """

@@ -1,57 +1,19 @@
 """Few photons: a K-conditioned network sees the coarse structure of a scene in squares of pixels.
 
-A network sees the neighborhood of a pixel. If all of it holds only a few ones, its mean light is
-uncertain, and the estimate is too bright or has spots. Squares of 2 x 2 pixels have four times as
-many ones, and a network sees twice as far in them. So the probability p of a one gains what the
-squares say about its coarse structure::
-
-    p + enlarge(w (p' - mean of p over the square)),    w = 1 / (1 + 2 I),
-
-where p' is the probability of a square, and I is the Fisher information of a pixel about the
-logarithm of its intensity. In dim scenes, I is the expected number of detected photons. The result
-is at least the smaller one of p and p'. Squares may gain from squares of squares in the same way.
+The engine estimates squares of 2 x 2 pixels, and corrects the image by them. For pixels that differ
+in their trials or their jots, the squares are counted here.
 """
 
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.array_types import Array, Image
+from jotlight.networks.inference.engine_backed import sensor_model
+from jotlight.sensing.bits.values import flatten
 from jotlight.sensing.data.pixel_counts import PixelCounts
-from jotlight.sensing.likelihood.reference import reading_information, reference_jot, response_of
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.parameters.maps import dark_counts_of_mean
-from jotlight.sensing.parameters.response import intensity_at_probability
 from jotlight.sensing.sensor import Sensor
-from jotlight.squares import sum_squares
-
-_FEW = 3.0
-"""Detected photons of a pixel above which squares say too little to be worth their time."""
-
-_MIN_SIDE = 32
-"""Smallest height and width of an image, in pixels, that has squares."""
-
-
-def log_information(intensity: npt.ArrayLike, sensor: Sensor, trials: npt.ArrayLike) -> Array:
-    """Return the Fisher information of pixels about the logarithms of their intensities.
-
-    Parameters
-    ----------
-    intensity : array_like
-        The intensities.
-    sensor : Sensor
-        The sensor.
-    trials : array_like
-        The number of trials of each pixel.
-
-    Examples
-    --------
-    >>> dim = jl.Sensor(frames=100, gain=1.0)
-    >>> log_information([0.5, 1.0], dim, 100).round(3)  # about the numbers of photons
-    array([0.499, 0.995])
-    """
-    light = sensor.light_per_intensity * np.maximum(np.asarray(intensity, np.float64), 1e-12)
-    number = np.asarray(trials, np.float64)
-    return np.asarray(light**2 * number * reading_information(sensor, light))
 
 
 def has_few_photons(image: Image, sensor: Sensor, trials: float) -> bool:
@@ -72,14 +34,7 @@ def has_few_photons(image: Image, sensor: Sensor, trials: float) -> bool:
     >>> has_few_photons(image, jl.Sensor(), 1), has_few_photons(image, jl.Sensor(frames=16), 16)
     (True, False)
     """
-    efficiency, _ = reference_jot(sensor)
-    mean = float(image.mean(dtype=np.float64))
-    light = efficiency * sensor.light_per_intensity * mean
-    photons = light * trials
-    # With fewer photons than its threshold, a jot hardly reports them.
-    if light < sensor.threshold > 1:
-        photons = min(photons, float(log_information(mean, sensor, trials)))
-    return min(image.shape) >= _MIN_SIDE and photons < _FEW
+    return engine.has_few_photons(image, sensor_model(sensor), trials)
 
 
 def sensor_of_squares(sensor: Sensor) -> Sensor:
@@ -95,88 +50,88 @@ def sensor_of_squares(sensor: Sensor) -> Sensor:
     )
 
 
-def counts_of_squares(pixels: PixelCounts) -> list[Merged]:
-    """Return the counts of squares of 2 x 2 pixels of each image.
+def counts_of_squares(pixels: PixelCounts, images: list[int], threads: int | None) -> list[Merged]:
+    """Return the counts of squares of 2 x 2 pixels of some images.
 
     Parameters
     ----------
     pixels : PixelCounts
         The counts of the pixels, (N, H, W).
+    images : list of int
+        The indices of the images.
+    threads : int, optional
+        The number of threads. Default: the number of cores.
     """
-    trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), pixels.counts.shape)
-    maps = jots_of_squares(pixels.sensor, trials, pixels.efficiency, pixels.dark_counts)
-    sums = sum_squares(pixels.counts), sum_squares(trials)
     sensor = sensor_of_squares(pixels.sensor)
-    means = (each if isinstance(each, np.ndarray) else [each] * len(trials) for each in maps)
+    own = pixels.trials, pixels.efficiency, pixels.dark_counts
     return [
-        Merged(ones, number, sensor, dark_counts=dark, efficiency=efficiency)
-        for ones, number, efficiency, dark in zip(*sums, *means, strict=True)
+        sum_counts(
+            pixels.counts[image],
+            *(each[image] if isinstance(each, np.ndarray) else each for each in own),
+            sensor,
+            threads,
+        )
+        for image in images
     ]
 
 
-def jots_of_squares(
-    sensor: Sensor, trials: Array, efficiency: float | Array, dark_counts: float | Array
-) -> tuple[float | Array, float | Array]:
-    """Return the efficiency and the dark counts of squares of 2 x 2 pixels.
+def sum_counts(
+    ones: npt.NDArray[np.int32],
+    trials: float | Array,
+    efficiency: float | Array,
+    dark_counts: float | Array,
+    sensor: Sensor,
+    threads: int | None = None,
+) -> Merged:
+    """Return the counts of squares of 2 x 2 pixels. At the edge, pixels fill the squares twice.
 
-    They are those of :class:`jotlight.Merged`: means over the trials of the pixels, and for
-    threshold 1, the dark counts that cause as many ones. Numbers stay numbers.
+    The efficiency and the dark counts of a square are those of :class:`jotlight.Merged`: means over
+    the trials of its pixels, and for threshold 1, the dark counts that cause as many ones.
 
     Parameters
     ----------
+    ones : ndarray of int32, shape (H, W)
+        The number of ones of each pixel.
+    trials, efficiency, dark_counts : float or ndarray of float64, shape (H, W)
+        The number of trials of each pixel, and η and d of its jots.
     sensor : Sensor
-        The sensor, which states the threshold.
-    trials : ndarray, shape (..., H, W)
-        The number of trials of each pixel.
-    efficiency, dark_counts : float or ndarray, shape (..., H, W)
-        Those of the pixels.
+        The sensor of the squares.
+    threads : int, optional
+        The number of threads. Default: the number of cores.
 
     Examples
     --------
-    >>> efficiency, dark_counts = np.array([[0.5, 0.75], [0.5, 0.75]]), 0.1
-    >>> jots_of_squares(jl.Sensor(), np.ones((2, 2)), efficiency, dark_counts)
-    (array([[0.625]]), 0.1)
+    >>> efficiency = np.array([[0.5, 0.75], [0.5, 0.75]])
+    >>> squares = sum_counts(np.ones((2, 2), np.int32), 2.0, efficiency, 0.1, jl.Sensor(frames=8))
+    >>> squares.ones, squares.trials, squares.efficiency, squares.dark_counts
+    (array([[4]], dtype=int32), 8.0, array([[0.625]]), 0.1)
     """
-    weights = np.maximum(trials, 1e-9)  # a square without trials has the mean of its pixels
-
-    def mean(values: Array) -> Array:
-        return np.asarray(sum_squares(weights * values) / sum_squares(weights))
-
-    if isinstance(efficiency, np.ndarray):
-        efficiency = mean(efficiency)
-    if isinstance(dark_counts, np.ndarray):
-        is_first = sensor.threshold == 1
-        dark_counts = dark_counts_of_mean(dark_counts, mean) if is_first else mean(dark_counts)
-    return efficiency, dark_counts
+    jots = flatten(efficiency), flatten(dark_counts)
+    counted = engine.sum_counts(ones, flatten(trials), jots, int(sensor.threshold), threads)
+    sums, number, (efficiency, dark_counts) = counted
+    return Merged(sums, number, sensor, dark_counts=dark_counts, efficiency=efficiency)
 
 
-def add_coarse(fine: Image, coarse: Image, sensor: Sensor, trials: npt.ArrayLike) -> Image:
+def add_coarse(
+    fine: Image,
+    coarse: Image,
+    sensor: Sensor,
+    trials: float | Array,
+    threads: int | None = None,
+) -> Image:
     """Return an image that gains what squares of pixels say about its coarse structure.
 
     Parameters
     ----------
     fine : ndarray of float32, shape (H, W)
-        The intensities c of the pixels.
-    coarse : ndarray of float32
-        The intensities c' of the squares.
+        The intensities of the pixels.
+    coarse : ndarray of float32, shape (⌈H/2⌉, ⌈W/2⌉)
+        The intensities of the squares.
     sensor : Sensor
         The sensor of the squares.
-    trials : array_like
+    trials : float or ndarray of float64
         The number of trials of each square.
+    threads : int, optional
+        The number of threads. Default: the number of cores.
     """
-    from scipy.ndimage import zoom
-
-    response = response_of(sensor)
-    p = response(np.asarray(fine, np.float64))
-    of_pixels = log_information(coarse, sensor, np.asarray(trials, np.float64) / 4)
-    of_squares = response(np.asarray(coarse, np.float64))
-    change = (of_squares - sum_squares(p) / 4) / (1 + 2 * of_pixels)
-    enlarged = zoom(change, 2, order=3, mode="reflect", grid_mode=True)
-    found = (p + enlarged[: p.shape[0], : p.shape[1]]).clip(0, 1)
-    # Next to bright pixels, the change may exceed p. Both estimates say that there is more light.
-    blocks = zoom(of_squares, 2, order=0, mode="reflect", grid_mode=True)
-    found = np.maximum(found, np.minimum(p, blocks[: p.shape[0], : p.shape[1]]))
-    efficiency, dark_counts = reference_jot(sensor)
-    slope = efficiency * sensor.light_per_intensity
-    intensity = intensity_at_probability(sensor.threshold, found, 1 - found, slope, dark_counts)
-    return intensity.clip(0, sensor.max_intensity).astype(np.float32)
+    return engine.add_coarse(fine, coarse, sensor_model(sensor), trials, threads)

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from jotlight.array_types import Array, Image
 from jotlight.estimators.trial_levels import LocalTrials, local_trials
-from jotlight.networks.inference.coarse_scales import jots_of_squares
+from jotlight.networks.inference.coarse_scales import sum_counts
 from jotlight.networks.inference.engine_backed import EngineBacked
 from jotlight.networks.inference.trials_map import denoise_fractions
 from jotlight.sensing.likelihood.reference import Jot, reference_jot
@@ -34,7 +34,6 @@ from jotlight.sensing.parameters.response import (
     silence_probability,
 )
 from jotlight.sensing.sensor import Sensor
-from jotlight.squares import sum_squares
 
 _STEPS = 8
 """Number of steps."""
@@ -280,8 +279,5 @@ def enlarge(image: npt.NDArray[np.floating]) -> Array:
 
 def coarse_counts(merged: Merged) -> Merged:
     """Return the counts of a grid of half pixels, summed over 2 x 2 squares, as those of pixels."""
-    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
     jots = merged.efficiency, merged.dark_counts
-    efficiency, dark = jots_of_squares(merged.sensor, trials, *jots)
-    ones, number = sum_squares(merged.ones), sum_squares(trials)
-    return Merged(ones, number, merged.sensor, dark_counts=dark, efficiency=efficiency)
+    return sum_counts(merged.ones, merged.trials, *jots, merged.sensor)

@@ -52,8 +52,8 @@ class Inference:
 
         The engine runs the network once for images with the same number of trials, if it serves
         them. Other images take several levels of K: those with a map of trials, and those with more
-        trials than the network was trained for. It also combines trials of dim scenes, and corrects
-        dark regions.
+        trials than the network was trained for. It also combines trials of dim scenes, corrects
+        dark regions, and looks at squares of pixels, unless the pixels of an image differ.
 
         Raises
         ------
@@ -72,7 +72,6 @@ class Inference:
             images, sensor = merge_different_jots(self.images, self.sensor, self.threads)
             alike = dataclasses.replace(self, images=images, sensor=sensor)
             alike._run_tied()
-            alike._improve_coarse()
         return self.output.images
 
     def _run_tied(self) -> None:
@@ -146,9 +145,11 @@ class Inference:
                 list(self.output.images[part]),
                 self.threads,
             )
+        if network.trials_range is not None:
+            self._add_squares(pixels)
 
-    def _improve_coarse(self) -> None:
-        """Correct the coarse structure of images with few photons by squares of pixels."""
+    def _add_squares(self, pixels: PixelCounts) -> None:
+        """Correct the coarse structure of images with few photons by squares of their pixels."""
         data, found = self.images.data, self.output.images
         usual = [
             float(np.mean(each.trials)) if isinstance(each, Merged) else self.sensor.trials
@@ -161,15 +162,14 @@ class Inference:
         ]
         if not few:
             return
-        pixels = self.images.select(few).count(self.sensor, self.threads)
-        squares = counts_of_squares(_with_typical_sensor(pixels))
+        squares = counts_of_squares(pixels, few, self.threads)
         images, sensor = GrayImages(squares, Layout((len(few),))), squares[0].sensor
         output = output_of(images, sensor, None)
         coarse = dataclasses.replace(self, images=images, sensor=sensor, output=output)
         with hide_warnings():  # the estimate of the pixels has warned
             estimates = coarse.run()
         for index, estimate, counts in zip(few, estimates, squares, strict=True):
-            found[index] = add_coarse(found[index], estimate, sensor, counts.trials)
+            found[index] = add_coarse(found[index], estimate, sensor, counts.trials, self.threads)
 
     def _run_untied(self) -> None:
         """Write the intensities of a network whose first layer has one weight per jot and frame."""

@@ -1,4 +1,4 @@
-//! Corrections of the images of dim scenes and of dark regions.
+//! Corrections of the images of dim scenes, of dark regions, and of few photons.
 
 use ndarray::{Array2, ArrayView2, ArrayViewMut2, Zip};
 
@@ -6,13 +6,32 @@ use super::Served;
 use super::dark_regions::match_dark_regions;
 use super::dim_scenes::Combined;
 use super::local_trials::LocalTrials;
+use super::pixels::Pixels;
 use super::reconstruction::Reconstruction;
 use crate::error::{Error, Result};
 use crate::mle;
 
 impl Reconstruction<'_> {
+    /// Correct the image of pixels with local trials.
+    pub(super) fn correct(
+        &self,
+        mut image: ArrayViewMut2<'_, f32>,
+        pixels: &Pixels<'_>,
+        trials: &LocalTrials,
+    ) -> Result<()> {
+        self.correct_dark(image.view_mut(), trials, || self.equivalent(pixels, 1))?;
+        self.add_squares(image, pixels)
+    }
+
+    /// Return whether [`Self::correct`] may change an image with the trials of the sensor.
+    pub(super) fn may_need_correction(&self, image: ArrayView2<'_, f32>) -> bool {
+        let trials = self.sensor.trials;
+        self.may_be_dark(image, &LocalTrials::Same(trials))
+            || self.has_few_photons(image, f64::from(trials))
+    }
+
     /// Return whether [`Self::correct_dark`] may change an image.
-    pub(super) fn may_be_dark(&self, image: ArrayView2<'_, f32>, trials: &LocalTrials) -> bool {
+    fn may_be_dark(&self, image: ArrayView2<'_, f32>, trials: &LocalTrials) -> bool {
         let is_conditional = matches!(self.network.served, Served::Trials { .. });
         is_conditional
             && (self.sensor.may_be_dim(image, trials.max())

@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn bright_probabilities_stay_as_they_are() -> Result<()> {
-        let p = Array2::from_shape_fn((9, 7), |(y, x)| 5e-3 + 0.01 * (7 * y + x) as f32);
+        let p = Array2::from_shape_fn((9, 7), |(y, x)| 6e-3 + 0.01 * (7 * y + x) as f32);
         let trials = LocalTrials::Same(16);
         let found = match_dark_regions(p.view(), p.view(), &trials, Threshold::new(3)?)?;
         assert_eq!(found, p);

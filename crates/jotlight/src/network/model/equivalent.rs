@@ -18,6 +18,9 @@ use crate::values::Values;
 impl Reconstruction<'_> {
     /// Write the images of counts that equal jots would show into `out`.
     ///
+    /// Images of few photons are not corrected by squares of their pixels, as those of
+    /// [`Self::pixels`] are.
+    ///
     /// # Errors
     /// [`Error::Shape`] if the shapes do not match, or the rows of an image of `out` are not
     /// contiguous. [`Error::Range`] for counts that are not finite, trials that are not above 0,

@@ -4,11 +4,13 @@
 //! layers for one sensor, and [`Reconstruction`] runs them on bits or counts.
 
 mod bounds;
+mod coarse_scales;
 mod conditioning;
 mod corrections;
 mod dark_regions;
 mod denoise;
 mod dim_scenes;
+mod enlarge;
 mod equivalent;
 mod evaluate;
 #[cfg(feature = "safetensors")]
@@ -22,6 +24,8 @@ mod receptive_field;
 mod reconstruction;
 mod regions;
 mod rotations;
+mod sensor_model;
+mod squares;
 
 use std::sync::{Arc, Mutex};
 
@@ -31,8 +35,8 @@ use super::graph::Graph;
 use super::layer::{Layer, Wiring};
 use super::precision::Precision;
 use crate::error::{Error, Result};
-use crate::mle::{JotResponse, PixelResponse};
 
+pub use coarse_scales::add_coarse;
 pub use conditioning::conditioning_weights;
 pub use dark_regions::match_dark_regions;
 pub use denoise::RATIO_OF_PASS;
@@ -41,6 +45,8 @@ pub use levels::level_weights;
 pub use local_trials::{LocalTrials, local_trials};
 pub use pixels::{EquivalentCounts, Pixels};
 pub use reconstruction::Reconstruction;
+pub use sensor_model::SensorModel;
+pub use squares::{OfSquares, Squares};
 
 /// The rate of a jot at the largest intensity above which networks estimate P(b = 0).
 ///
@@ -88,39 +94,6 @@ impl LayerParameters {
             self.spacing as f32,
             self.wiring,
         )
-    }
-}
-
-/// What a network must know about a sensor, all of whose jots are alike.
-#[derive(Clone, Copy, Debug)]
-pub struct SensorModel {
-    /// K, the number of bits of a pixel.
-    pub trials: u32,
-    /// The threshold, α/K, and S.
-    pub response: PixelResponse,
-    /// The quantum efficiency and the dark counts of the jots.
-    pub jot: JotResponse,
-}
-
-impl SensorModel {
-    /// Check that the numbers are those of a sensor.
-    fn check(&self) -> Result<()> {
-        if self.trials == 0 {
-            return Err(Error::range("trials per pixel", "at least 1", 0));
-        }
-        self.response.check()?;
-        self.jot.check()
-    }
-
-    /// Return η α/K: the expected detections of a jot per frame at intensity 1.
-    fn detected_light(&self) -> f64 {
-        self.jot.efficiency * self.response.light_per_intensity
-    }
-
-    /// Return P(b = 1) at an intensity.
-    fn detection_probability(&self, intensity: f64) -> f64 {
-        let rate = self.detected_light() * intensity.max(0.0) + self.jot.dark_counts;
-        self.response.threshold.detection_probability(rate)
     }
 }
 

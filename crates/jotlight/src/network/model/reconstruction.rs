@@ -117,7 +117,7 @@ impl<'a> Reconstruction<'a> {
                 let layers: Vec<_> = layers.iter().collect();
                 forward_counts(&layers, pixels.counts, table.view(), out)
             })?;
-            return self.correct_dark(out, &local, || self.equivalent(pixels, 1));
+            return self.correct(out, pixels, &local);
         }
         let equivalent = self.equivalent(pixels, of)?;
         let counts = EquivalentCounts {
@@ -125,7 +125,8 @@ impl<'a> Reconstruction<'a> {
             of,
             trials: local,
         };
-        self.equivalent_counts(&[counts], vec![out])
+        self.equivalent_counts(&[counts], vec![out.view_mut()])?;
+        self.add_squares(out, pixels)
     }
 
     /// Write the image of the bits of K̂ × K̂ jots per pixel into `out`.
@@ -163,10 +164,11 @@ impl<'a> Reconstruction<'a> {
             self.write(out.view_mut(), |out| {
                 forward_tied_bits(&layers, bits, oversampling, table.view(), out)
             })?;
-            return self.correct_dark(out, &local, || {
-                let counts = count_ones(bits, oversampling)?;
-                self.equivalent(&self.alike(counts.view()), 1)
-            });
+            if !self.may_need_correction(out.view()) {
+                return Ok(());
+            }
+            let counts = count_ones(bits, oversampling)?;
+            return self.correct(out, &self.alike(counts.view()), &local);
         }
         self.counts(count_ones(bits, oversampling)?.view(), out)
     }

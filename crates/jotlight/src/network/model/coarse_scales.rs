@@ -1,0 +1,161 @@
+//! Few photons: a network sees the coarse structure of a scene in squares of pixels.
+//!
+//! A network sees the neighborhood of a pixel. If all of it holds only a few ones, its mean light is
+//! uncertain, and the estimate is too bright or has spots. Squares of 2 × 2 pixels have four times as
+//! many ones, and a network sees twice as far in them. So the probability p of a one gains what the
+//! squares say about its coarse structure:
+//!
+//! ```text
+//! p + enlarge(w (p' - mean of p over the square)),    w = 1 / (1 + 2 I),
+//! ```
+//!
+//! where p' is the probability of a square, and I is the Fisher information of a pixel about the
+//! logarithm of its intensity. In dim scenes, I is the expected number of detected photons. The
+//! result is at least the smaller one of p and p'. Squares may gain from squares of squares in the
+//! same way.
+
+use ndarray::{Array2, ArrayView2, ArrayViewMut2, Zip};
+
+use super::dim_scenes::mean;
+use super::enlarge::enlarge;
+use super::pixels::Pixels;
+use super::reconstruction::Reconstruction;
+use super::squares::{OfSquares, Squares, sum_squares};
+use super::{SensorModel, Served};
+use crate::error::{Error, Result};
+use crate::values::Values;
+
+/// The detected photons of a pixel above which squares say too little to be worth their time.
+const FEW: f64 = 3.0;
+
+/// The smallest height and width of an image, in pixels, that has squares.
+const MIN_SIDE: usize = 32;
+
+/// The smallest intensity at which the information is evaluated, and the smallest rate.
+const MIN_INTENSITY: f64 = 1e-12;
+/// See [`MIN_INTENSITY`].
+const MIN_RATE: f64 = 1e-150;
+
+impl SensorModel {
+    /// Return whether an image of intensities gains from squares of pixels.
+    ///
+    /// `trials` is the usual number of trials of a pixel.
+    #[must_use]
+    pub fn has_few_photons(&self, image: ArrayView2<'_, f32>, trials: f64) -> bool {
+        if image.nrows().min(image.ncols()) < MIN_SIDE {
+            return false;
+        }
+        let mean = mean(image);
+        let light = self.detected_light() * mean;
+        let photons = light * trials;
+        let q = self.response.threshold.photons();
+        // With fewer photons than its threshold, a jot hardly reports them.
+        if q > 1 && light < f64::from(q) {
+            return photons.min(self.log_information(mean, trials)) < FEW;
+        }
+        photons < FEW
+    }
+
+    /// Return the sensor of squares of 2 × 2 pixels.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for more bits than 4,294,967,295.
+    pub(super) fn of_squares(&self) -> Result<Self> {
+        let Some(trials) = self.trials.checked_mul(4) else {
+            let expected = "at most 1073741823 for squares of pixels";
+            return Err(Error::range("trials per pixel", expected, self.trials));
+        };
+        Ok(Self { trials, ..*self })
+    }
+
+    /// Return the Fisher information of a pixel about the logarithm of its intensity.
+    fn log_information(&self, intensity: f64, trials: f64) -> f64 {
+        let intensity = intensity.max(MIN_INTENSITY);
+        // The light that is detected, per frame.
+        let light = self.detected_light() * intensity;
+        let rate = (light + self.jot.dark_counts).max(MIN_RATE);
+        let threshold = &self.response.threshold;
+        let scores = threshold.detection_score(rate) * threshold.non_detection_score(rate);
+        light * light * trials * scores
+    }
+}
+
+impl Reconstruction<'_> {
+    /// Return whether [`Self::add_squares`] changes an image.
+    pub(super) fn has_few_photons(&self, image: ArrayView2<'_, f32>, trials: f64) -> bool {
+        let is_conditional = matches!(self.network.served, Served::Trials { .. });
+        is_conditional && self.sensor.has_few_photons(image, trials)
+    }
+
+    /// Correct the coarse structure of an image of few photons by squares of its pixels.
+    pub(super) fn add_squares(
+        &self,
+        mut image: ArrayViewMut2<'_, f32>,
+        pixels: &Pixels<'_>,
+    ) -> Result<()> {
+        let usual = match pixels.trials {
+            Values::Same(trials) => trials,
+            Values::Each(trials) => trials.iter().sum::<f64>() / trials.len() as f64,
+        };
+        if !self.has_few_photons(image.view(), usual) {
+            return Ok(());
+        }
+        let squares = Squares::of(pixels, self.sensor.response.threshold)?;
+        let sensor = self.sensor.of_squares()?;
+        let mut coarse = Array2::zeros(squares.counts.dim());
+        let reconstruction = self.network.prepare(sensor)?;
+        reconstruction.pixels(&squares.pixels(), coarse.view_mut())?;
+        let found = add_coarse(image.view(), coarse.view(), &sensor, &squares.trials)?;
+        image.assign(&found);
+        Ok(())
+    }
+}
+
+/// Return an image that gains what squares of pixels say about its coarse structure.
+///
+/// `fine` are the intensities of the pixels, and `coarse` those of the squares. `sensor` is that of
+/// the squares, and `trials` are their numbers of bits.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes do not match.
+pub fn add_coarse(
+    fine: ArrayView2<'_, f32>,
+    coarse: ArrayView2<'_, f32>,
+    sensor: &SensorModel,
+    trials: &OfSquares,
+) -> Result<Array2<f32>> {
+    let (height, width) = fine.dim();
+    let shape = (height.div_ceil(2), width.div_ceil(2));
+    if coarse.dim() != shape {
+        return Err(Error::shape("coarse", shape, coarse.dim()));
+    }
+    let trials = match trials {
+        OfSquares::Same(trials) => Array2::from_elem((1, 1), *trials),
+        OfSquares::Each(map) if map.dim() == shape => map.clone(),
+        OfSquares::Each(map) => return Err(Error::shape("trials", shape, map.dim())),
+    };
+    let probability = |&c: &f32| sensor.detection_probability(f64::from(c));
+    let p = Zip::from(fine).par_map_collect(probability);
+    let of_squares = Zip::from(coarse).par_map_collect(probability);
+    let mut change = sum_squares(p.view(), |p| p);
+    Zip::from(&mut change)
+        .and(&of_squares)
+        .and(coarse)
+        .and_broadcast(&trials)
+        .par_for_each(|change, &square, &intensity, &trials| {
+            let of_pixel = sensor.log_information(f64::from(intensity), trials / 4.0);
+            *change = (square - *change / 4.0) / (1.0 + 2.0 * of_pixel);
+        });
+    let change = enlarge(change.view());
+    let mut out = Array2::zeros(fine.dim());
+    Zip::indexed(&mut out)
+        .and(&p)
+        .par_for_each(|(row, column), out, &p| {
+            // Next to bright pixels, the change may exceed p. Both estimates say that there is more
+            // light.
+            let least = p.min(of_squares[[row / 2, column / 2]]);
+            let found = (p + change[[row, column]]).clamp(0.0, 1.0).max(least);
+            *out = sensor.response.intensity(found, sensor.jot) as f32;
+        });
+    Ok(out)
+}
