@@ -62,17 +62,15 @@ def counts_of_squares(pixels: PixelCounts, images: list[int], threads: int | Non
     threads : int, optional
         The number of threads. Default: the number of cores.
     """
-    sensor = sensor_of_squares(pixels.sensor)
-    own = pixels.trials, pixels.efficiency, pixels.dark_counts
-    return [
-        sum_counts(
-            pixels.counts[image],
-            *(each[image] if isinstance(each, np.ndarray) else each for each in own),
-            sensor,
-            threads,
+    sensor, squares = sensor_of_squares(pixels.sensor), []
+    for image in images:
+        trials, efficiency, dark_counts = (
+            each[image] if isinstance(each, np.ndarray) else each
+            for each in (pixels.trials, pixels.efficiency, pixels.dark_counts)
         )
-        for image in images
-    ]
+        ones = pixels.counts[image]
+        squares.append(sum_counts(ones, trials, efficiency, dark_counts, sensor, threads))
+    return squares
 
 
 def sum_counts(
