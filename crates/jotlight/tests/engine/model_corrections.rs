@@ -62,7 +62,13 @@ fn dim_images_are_as_bright_as_the_scene() -> Result<()> {
     let Some(network) = network() else {
         return Ok(());
     };
-    for (frames, photons, threshold) in [(64, 0.1, 1), (256, 1.0, 1), (1, 0.3, 1), (64, 50.0, 3)] {
+    // The first two errors are 0.3 and 0.15 without corrections.
+    for (frames, photons, threshold, max_error) in [
+        (64, 0.1, 1, 0.2),
+        (256, 1.0, 1, 0.1),
+        (1, 0.3, 1, 0.1),
+        (64, 50.0, 3, 0.05),
+    ] {
         let sensor = sensor(frames, photons, threshold)?;
         let packed = flat_scene(&sensor);
         let mut out = Array2::zeros(SIZE);
@@ -71,9 +77,13 @@ fn dim_images_are_as_bright_as_the_scene() -> Result<()> {
         reconstruction.bits(&bits, 1, out.view_mut())?;
         let ones = counts_of(&bits)?.sum();
         let tolerance = 0.05 + 3.0 / f64::from(ones).sqrt();
-        let mean = out.iter().copied().map(f64::from).sum::<f64>() / out.len() as f64;
+        let mean_of = |value: fn(f64) -> f64| {
+            out.iter().map(|&c| value(f64::from(c))).sum::<f64>() / out.len() as f64
+        };
+        let mean = mean_of(|c| c);
         assert!((mean / 0.5 - 1.0).abs() < tolerance, "{frames}: {mean}");
-        assert!(out.iter().all(|&c| (0.25..0.75).contains(&c)), "{frames}");
+        let error = mean_of(|c| (c - 0.5).powi(2)).sqrt();
+        assert!(error < max_error, "{frames}: {error}");
     }
     Ok(())
 }

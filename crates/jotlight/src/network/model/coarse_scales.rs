@@ -159,3 +159,89 @@ pub fn add_coarse(
         });
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::likelihood::Threshold;
+    use crate::mle::{JotResponse, PixelResponse};
+
+    fn sensor(q: u32, light: f64, dark_counts: f64) -> Result<SensorModel> {
+        Ok(SensorModel {
+            trials: 8,
+            response: PixelResponse {
+                threshold: Threshold::new(q)?,
+                light_per_intensity: light,
+                max_intensity: 1.0,
+            },
+            jot: JotResponse {
+                efficiency: 0.6,
+                dark_counts,
+            },
+        })
+    }
+
+    #[test]
+    fn the_information_is_that_of_the_likelihood() -> Result<()> {
+        // It is the mean of the squared derivative by the logarithm, by finite differences.
+        let step = 1e-5f64;
+        for q in [1, 2] {
+            let sensor = sensor(q, 1.5, 0.3)?;
+            for intensity in [0.01, 0.4, 1.0] {
+                let p = |shift: f64| sensor.detection_probability(intensity * shift.exp());
+                let slope = (p(step) - p(-step)) / (2.0 * step);
+                let expected = 8.0 * slope * slope / (p(0.0) * (1.0 - p(0.0)));
+                let found = sensor.log_information(intensity, 8.0);
+                assert!((found / expected - 1.0).abs() < 1e-6);
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn few_photons_are_counted_without_dark_counts() -> Result<()> {
+        let image = Array2::from_elem((32, 40), 0.5);
+        // 0.6 * 0.5 * 8 = 2.4 photons are detected at a light of 1.
+        assert!(sensor(1, 1.0, 5.0)?.has_few_photons(image.view(), 8.0));
+        assert!(!sensor(1, 1.3, 5.0)?.has_few_photons(image.view(), 8.0));
+        let small = image.slice(ndarray::s![..31, ..]);
+        assert!(!sensor(1, 1.0, 5.0)?.has_few_photons(small, 8.0));
+        // Behind a threshold, hardly any of these photons are reported.
+        assert!(sensor(3, 1.3, 0.0)?.has_few_photons(image.view(), 8.0));
+        Ok(())
+    }
+
+    #[test]
+    fn a_constant_image_moves_toward_that_of_the_squares() -> Result<()> {
+        let sensor = sensor(1, 1.0, 0.0)?;
+        let p = |c: f64| 1.0 - (-0.6 * c).exp();
+        for (height, width) in [(32, 40), (33, 41)] {
+            let fine = Array2::from_elem((height, width), 0.3);
+            let coarse = Array2::from_elem((height.div_ceil(2), width.div_ceil(2)), 0.5);
+            for (trials, weight) in [
+                (
+                    4.0,
+                    1.0 / (1.0 + 2.0 * 0.3f64.powi(2) / (0.3f64.exp() - 1.0)),
+                ),
+                // If a pixel has many photons, squares say nothing new.
+                (4e9, 0.0),
+            ] {
+                let same = OfSquares::Same(trials);
+                let found = add_coarse(fine.view(), coarse.view(), &sensor, &same)?;
+                let expected = -(1.0 - p(0.3) - weight * (p(0.5) - p(0.3))).ln() / 0.6;
+                assert!(
+                    found
+                        .iter()
+                        .all(|&c| (f64::from(c) - expected).abs() < 1e-6)
+                );
+                let each = OfSquares::Each(Array2::from_elem(coarse.dim(), trials));
+                assert_eq!(
+                    add_coarse(fine.view(), coarse.view(), &sensor, &each)?,
+                    found
+                );
+            }
+            assert!(add_coarse(fine.view(), fine.view(), &sensor, &OfSquares::Same(4.0)).is_err());
+        }
+        Ok(())
+    }
+}

@@ -59,7 +59,8 @@ impl Reconstruction<'_> {
         let (probabilities, weights) =
             if let Some(combined) = Combined::of(fractions.view(), trials, min)? {
                 let (own, trials) = (combined.fractions.view(), &combined.trials);
-                let mut found = self.network.denoise(&[own], &[trials.clone()], false)?;
+                let number = std::slice::from_ref(trials);
+                let mut found = self.network.denoise(&[own], number, false)?;
                 let found = found.swap_remove(0);
                 let matched = match_dark_regions(found.view(), own, trials, threshold)?;
                 (matched / combined.factor, combined.weights(found.view())?)

@@ -177,3 +177,81 @@ fn quantile(image: ArrayView2<'_, f32>, fraction: f64) -> f64 {
     let high = above.iter().copied().min_by(f32::total_cmp).unwrap_or(low);
     f64::from(low) + place.fract() * f64::from(high - low)
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::array;
+
+    use super::*;
+    use crate::likelihood::Threshold;
+    use crate::mle::{JotResponse, PixelResponse};
+
+    #[test]
+    fn quantiles_are_interpolated() {
+        let image = array![[3.0, 0.0], [1.0, 7.0], [2.0, 5.0]];
+        for (fraction, expected) in [(0.0, 0.0), (0.5, 2.5), (0.9, 6.0), (1.0, 7.0)] {
+            assert!((quantile(image.view(), fraction) - expected).abs() < 1e-12);
+        }
+        assert!(quantile(Array2::zeros((0, 3)).view(), 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn combined_trials_have_the_same_ones() -> Result<()> {
+        let fractions = Array2::from_shape_fn((20, 30), |(y, x)| ((y * 7 + x) % 3) as f32 / 256.0);
+        let map = Array2::from_shape_fn((20, 30), |(y, _)| 200.0 + y as f32).into_shared();
+        for trials in [LocalTrials::Same(256), LocalTrials::Map(map)] {
+            let Some(found) = Combined::of(fractions.view(), &trials, 1)? else {
+                return Err(crate::error::Error::range("scene", "a dim one", "another"));
+            };
+            assert!(found.factor > 20.0);
+            let products = found.trials.to_array().mapv(|trials| trials * found.factor);
+            let own = trials.to_array();
+            assert!(products.iter().zip(&own).all(|(a, b)| (a - b).abs() < 1e-3));
+            let scaled = &fractions * found.factor;
+            assert_eq!(found.fractions, scaled);
+        }
+        // Networks may need more trials than remain otherwise.
+        let few = Combined::of(fractions.view(), &LocalTrials::Same(256), 64)?;
+        assert!(few.is_some_and(|few| matches!(few.trials, LocalTrials::Same(64))));
+        Ok(())
+    }
+
+    #[test]
+    fn bright_scenes_keep_their_trials() -> Result<()> {
+        let bright = Array2::from_elem((8, 8), 0.2);
+        let none = Combined::of(bright.view(), &LocalTrials::Same(256), 1)?;
+        assert!(none.is_none());
+        let one = |light_per_intensity| -> Result<SensorModel> {
+            Ok(SensorModel {
+                trials: 64,
+                response: PixelResponse {
+                    threshold: Threshold::new(1)?,
+                    light_per_intensity,
+                    max_intensity: 1.0,
+                },
+                jot: JotResponse {
+                    efficiency: 1.0,
+                    dark_counts: 0.0,
+                },
+            })
+        };
+        let image = Array2::from_elem((8, 8), 0.5);
+        assert!(!one(1.0)?.may_be_dim(image.view(), 64.0));
+        assert!(one(0.03)?.may_be_dim(image.view(), 64.0));
+        assert!(!one(0.03)?.may_be_dim(image.view(), 5.0));
+        Ok(())
+    }
+
+    #[test]
+    fn combined_trials_weigh_less_in_bright_pixels() -> Result<()> {
+        let combined = Combined {
+            fractions: array![[0.0, 0.5, 1.0, 1.0]],
+            trials: LocalTrials::Same(4),
+            factor: 8.0,
+        };
+        let found = combined.weights(array![[0.01, 0.375, 0.9, 0.01]].view())?;
+        assert_eq!(found, array![[1.0, 0.5, 0.0, 0.0]]);
+        assert!(combined.weights(array![[0.0]].view()).is_err());
+        Ok(())
+    }
+}

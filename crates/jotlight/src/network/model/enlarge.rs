@@ -120,7 +120,7 @@ mod tests {
             rows.collect()
         };
         for ((y, x), &value) in found.indexed_iter() {
-            let place = |index: usize| (index as f64 + 0.5) / 2.0 - 0.5;
+            let place = |index: usize| 0.5 * index as f64 - 0.25;
             let mut column = column_of(image.view(), place(x));
             to_coefficients(&mut column);
             assert!((interpolate(&column, place(y)) - value).abs() < 1e-12);
