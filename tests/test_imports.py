@@ -73,7 +73,7 @@ def test_the_longest_chain_of_units_is_short(imports):
         (
             "networks",
             "layer splines conditioning graph layer_checks architectures precision inference "
-            "planes files network planes_network color",
+            "stages planes files network planes_network color",
         ),
         ("sensing", "parameters bits drawing sensor merged data likelihood"),
     ],

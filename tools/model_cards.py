@@ -12,6 +12,7 @@ import jotlight as jl
 from jotlight.evaluation.evaluate import Evaluation
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.planes_network import PlanesNetwork
+from jotlight.networks.stages import Stage, last_run
 
 N = TypeVar("N", bound=PlanesNetwork)
 
@@ -29,7 +30,7 @@ IMAGES = {
     "color plane, display-encoded or linear in light, at the scale of the photograph or averaged "
     "over areas of up to 3 × 3 pixels. The network file contains no part of the images.",
 }
-"""Descriptions of the training images, by the entry "trained on" of the network's history."""
+"""Descriptions of the training images, by the entry "data" of the network's last training run."""
 
 TEMPLATE = Path(__file__).with_name("model_card.md")
 WIDTH = 112
@@ -76,7 +77,7 @@ def render(name: str, network: jl.Network, recipe: str, scores: str) -> str:
         network.layers,
         name=name,
         purpose=purpose,
-        images=IMAGES[network.history["trained on"]],
+        images=IMAGES[last_run(network.history)["data"]],
         recipe=recipe,
         scores=scores,
         limits=_limits(network),
@@ -96,7 +97,7 @@ def fill(template: Path, layers: Sequence[jl.Layer], **texts: object) -> str:
 
 def ship(
     network: N,
-    stages: list[str],
+    stages: list[Stage],
     file: Path,
     template: Path,
     measure: Callable[[N], dict[str, object]],
@@ -109,7 +110,7 @@ def ship(
     layers = round_layers(network.layers)
     network = type(network)(layers, history, trials_range=network.trials_range)
     network.save(file)
-    recipe = f"from the gray network medium, {', then '.join(stages)}."
+    recipe = f"from the gray network medium, {', then '.join(map(str, stages))}."
     write(file, fill(template, layers, recipe=recipe, **measure(network)))
     return network
 

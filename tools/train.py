@@ -30,6 +30,7 @@ from widening import widen
 import jotlight as jl
 from jotlight.images.sets import read_image_set
 from jotlight.networks.pretrained import FOLDER, TRAINED_TRIALS
+from jotlight.networks.stages import last_run, with_stage
 from jotlight.training.parameters import fingerprint_network
 
 
@@ -188,7 +189,7 @@ def train_two_layer(name: str, data: Path, threads: int | None) -> tuple[jl.Netw
         rng=TWO_LAYER_SEED,
         threads=threads,
     )
-    network.history["trained on"] = model_cards.BSDS300
+    last_run(network.history)["data"] = model_cards.BSDS300
     return network, two_layer_recipe(time.perf_counter() - begun)
 
 
@@ -266,7 +267,7 @@ def train_deep(name: str, options: argparse.Namespace) -> tuple[jl.Network, str]
         network = train_stage(name, network, stage, seed, options)
     images = {stage.images for stage in (*stages, *(stage for _, stage in numbered))}
     is_mixture = images != {"bsds300"}
-    network.history["trained on"] = model_cards.MIXTURE if is_mixture else model_cards.BSDS300
+    last_run(network.history)["data"] = model_cards.MIXTURE if is_mixture else model_cards.BSDS300
     return network, text
 
 
@@ -279,7 +280,7 @@ def train_stage(
     path = options.scratch / f"{name}.{seed}.safetensors"
     if path.exists():
         finished = jl.Network.load(path)
-        run = finished.history["run"]
+        run = last_run(finished.history)["run"]
         # Repeat a stage whose number of steps, start, or optimizer has changed.
         is_same = (run["steps"], run["network"]) == (stage.steps, fingerprint_network(start))
         if is_same and run["optimizer"].lower().startswith(stage.optimizer):
@@ -317,7 +318,9 @@ def average(before: jl.Network, after: jl.Network, share: float) -> jl.Network:
             change = last.coefficients - first.coefficients
             parts["coefficients"] = first.coefficients + np.float32(share) * change
         layers.append(dataclasses.replace(last, **parts))
-    return jl.Network(layers, after.sensor, after.history, trials_range=after.trials_range)
+    change = f"parameters at {share:.0%} of the way from those before the last run"
+    history = with_stage(after.history, change)
+    return jl.Network(layers, after.sensor, history, trials_range=after.trials_range)
 
 
 def report(name: str, steps: int, record: jl.training.Record) -> None:

@@ -26,6 +26,7 @@ from jotlight.networks.layer import Layer
 from jotlight.networks.planes.color_planes import PLANES
 from jotlight.networks.planes_network import ColorNetwork
 from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE, pretrained_color
+from jotlight.networks.stages import stages_of, with_stage
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training import ColorDrawings, ColorPatches, PatchMixture, random_mosaic
 
@@ -170,13 +171,14 @@ def main() -> None:
         device="cpu",
         threads=options.threads,
     )
-    # The next stage starts from these parameters, which are not rounded.
-    network.save(options.scratch / f"{options.kind}.{options.seed}.safetensors")
     stage = (
         f"`python tools/train_color.py DATA {options.kind}` with {options.steps:,} steps by Muon "
         f"at a learning rate of {options.learning_rate:g}"
     )
-    stages, kind = [*start.history.get("stages", []), stage], KINDS[options.kind]
+    network.history = with_stage(start.history, stage)
+    # The next stage starts from these parameters, which are not rounded.
+    network.save(options.scratch / f"{options.kind}.{options.seed}.safetensors")
+    stages, kind = stages_of(network.history), KINDS[options.kind]
     ship(network, stages, kind.file, TEMPLATE, lambda _: card_texts(kind, options.data))
     checkpoint.unlink()
 

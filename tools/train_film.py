@@ -35,6 +35,7 @@ from jotlight.networks.layer import Layer
 from jotlight.networks.planes.film_planes import START, Counts, film_planes, usual_trials
 from jotlight.networks.planes_network import FilmNetwork
 from jotlight.networks.pretrained import FILM_FILE, FILM_START, FOLDER
+from jotlight.networks.stages import stages_of
 from jotlight.sensing.likelihood.reference import response_of
 from jotlight.sensing.parameters.binomial import arcsin_root
 from jotlight.training.film_patches import FilmExample, FilmPatches
@@ -202,7 +203,7 @@ def main() -> None:
         for folder in (options.scenes, options.validation)
     )
     print(f"{len(scenes)} scenes; PSNR of {FILM_START}, and before: {scores(validation, network)}")
-    stages = list(network.history.get("stages", []))
+    stages = stages_of(network.history)
 
     for number in range(options.rounds):
         network, _ = train(

@@ -14,6 +14,7 @@ from jotlight import Network
 from jotlight.networks.architectures import find_architecture
 from jotlight.networks.layer import Layer
 from jotlight.networks.splines import fit_spline
+from jotlight.networks.stages import with_stage
 
 Array = npt.NDArray[np.float32]
 
@@ -48,7 +49,8 @@ def widen(network: Network, source: str, target: str, *, seed: int = 0) -> Netwo
             layers.append(network.layers[origin])
         else:
             layers.append(_embedded(layer, network.layers[origin]))
-    return Network(layers, random.sensor, network.history, trials_range=network.trials_range)
+    history = with_stage(network.history, f"widened from {source} to {target}")
+    return Network(layers, random.sensor, history, trials_range=network.trials_range)
 
 
 def _origins(source: str, target: str) -> list[int | None]:

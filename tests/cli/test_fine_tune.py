@@ -35,7 +35,7 @@ def run_fine_tune(run, tmp_path):
 
 
 def held_out(name=OWN):
-    return History.from_json(jl.Network.load(name).history["fine tuning"]["records"]).held_out
+    return History.from_json(jl.Network.load(name).history["stages"][-1]["records"]).held_out
 
 
 def test_the_held_out_bits_of_a_capture_become_more_likely(run_fine_tune, run, tmp_path):
@@ -79,8 +79,8 @@ def test_the_defaults_are_those_of_python(run_fine_tune, run):
     own, _ = jl.torch.fine_tune(
         jl.Network.load("start.safetensors"), jl.open("capture.npy"), steps=1, rng=0
     )
-    settings = jl.Network.load(OWN).history["fine tuning"]["run"]
-    assert settings == own.history["fine tuning"]["run"]
+    settings = jl.Network.load(OWN).history["stages"][-1]["run"]
+    assert settings == own.history["stages"][-1]["run"]
     assert (settings["batch"], settings["patch"]) == (16, 48)
 
 
@@ -115,7 +115,7 @@ def test_capture_options_are_those_of_reconstruct(run_fine_tune, run, tmp_path):
     status, output = run_fine_tune("--frame-range", "2:6", "--flip", "horizontal", "--restart")
     assert status == 0
     assert "frames 2:6 of 8" in output
-    assert jl.Network.load(OWN).history["fine tuning"]["run"]["sensor"]["frames"] == 4
+    assert jl.Network.load(OWN).history["stages"][-1]["run"]["sensor"]["frames"] == 4
 
 
 def test_a_network_for_one_sensor_keeps_its_range(run_fine_tune, tmp_path):
@@ -131,9 +131,9 @@ def test_a_calibration_changes_the_likelihood(run_fine_tune, run, tmp_path):
     status, output = run_fine_tune("--calibration", "c.safetensors")
     assert status == 0
     assert "--calibration c.safetensors" in output.split("Reconstruct with it")[1]
-    other = jl.Network.load(OWN).history["fine tuning"]["run"]["capture"]
+    other = jl.Network.load(OWN).history["stages"][-1]["run"]["capture"]
     assert run_fine_tune()[0] == 0
-    assert jl.Network.load(OWN).history["fine tuning"]["run"]["capture"] != other
+    assert jl.Network.load(OWN).history["stages"][-1]["run"]["capture"] != other
 
 
 @pytest.mark.parametrize("step", [0, 2])

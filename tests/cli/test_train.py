@@ -38,7 +38,7 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     network = jl.Network.load(NETWORK)
     assert network.sensor == sensor
     assert_same(network, trained)
-    assert network.history["run"] == trained.history["run"]
+    assert network.history["stages"][-1]["run"] == trained.history["stages"][-1]["run"]
     assert f"cost {history.loss[0]:.4g} to {history.loss[-1]:.4g}" in output
     assert file_names(tmp_path) == [NETWORK, "photos"]
 
@@ -46,7 +46,7 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
 @pytest.mark.slow
 def test_the_default_optimizer_is_gauss_newton(run, photo_folder):
     assert run("train", photo_folder, "-o", NETWORK, "--batch", 4, "--steps", 1)[0] == 0
-    assert "GaussNewton" in jl.Network.load(NETWORK).history["run"]["optimizer"]
+    assert "GaussNewton" in jl.Network.load(NETWORK).history["stages"][-1]["run"]["optimizer"]
 
 
 def test_the_other_commands_accept_the_network(run, photo_folder):
@@ -70,9 +70,9 @@ def test_a_network_trained_on_synthetic_scenes_is_tested_on_them(run):
     status, output = run("train", "synthetic", "-o", NETWORK, *arguments)
     assert status == 0
     assert "test PSNR" in output
-    history = jl.Network.load(NETWORK).history
-    assert history["run"]["images"] == "uniform_scenes"
-    assert np.isfinite(history["records"]["test_psnr"]).all()
+    stage = jl.Network.load(NETWORK).history["stages"][-1]
+    assert stage["run"]["images"] == "uniform_scenes"
+    assert np.isfinite(stage["records"]["test_psnr"]).all()
 
 
 def test_a_network_trained_on_synthetic_scenes_is_tested_on_the_test_images(run, photo_folder):
@@ -83,7 +83,7 @@ def test_a_network_trained_on_synthetic_scenes_is_tested_on_the_test_images(run,
         run("train", photo_folder, "-o", "same.safetensors", *SMALL, "--test", photo_folder)[0] == 0
     )
     first = [
-        jl.Network.load(name).history["records"]["test_psnr"][0]
+        jl.Network.load(name).history["stages"][-1]["records"]["test_psnr"][0]
         for name in (NETWORK, "same.safetensors")
     ]
     assert first[0] == first[1]
@@ -92,7 +92,7 @@ def test_a_network_trained_on_synthetic_scenes_is_tested_on_the_test_images(run,
 def test_a_folder_named_synthetic_is_read_as_a_folder(run, photo_folder, tmp_path):
     photo_folder.rename(tmp_path / "synthetic")
     assert run("train", "synthetic", "-o", NETWORK, *SMALL)[0] == 0
-    assert jl.Network.load(NETWORK).history["run"]["images"] != "uniform_scenes"
+    assert jl.Network.load(NETWORK).history["stages"][-1]["run"]["images"] != "uniform_scenes"
 
 
 def test_an_array_of_an_archive_is_selected_by_its_key(run, photo_folder):
@@ -118,7 +118,7 @@ def test_white_scales_the_test_images_too(run, photo_folder):
     assert status == 1
     assert "state the level of intensity 1 with --white" in output
     assert run(*arguments, "--white", 4095)[0] == 0
-    assert jl.Network.load(NETWORK).history["records"]["test_psnr"][0] > 15
+    assert jl.Network.load(NETWORK).history["stages"][-1]["records"]["test_psnr"][0] > 15
 
 
 @pytest.mark.slow
@@ -263,7 +263,7 @@ def test_test_images_have_their_own_key_and_info_plots_the_run(run, tmp_path):
     np.savez("two.npz", scenes=scenes, tests=tests)
     arguments = ["--key", "scenes", "--test", "two.npz", "--test-key", "tests", "--batch", 4]
     assert run("train", "two.npz", "-o", NETWORK, "--steps", 1, *arguments)[0] == 0
-    records = jl.Network.load(NETWORK).history["records"]
+    records = jl.Network.load(NETWORK).history["stages"][-1]["records"]
     trained = jl.evaluate(jl.Network.load(NETWORK), tests, jl.Sensor(oversampling=4))
     assert abs(records["test_psnr"][-1] - trained.mean("psnr")) < 3
     status, _ = run("info", NETWORK, "--plot", "run.png")

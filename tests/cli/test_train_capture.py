@@ -32,7 +32,7 @@ def test_a_network_trained_for_a_capture_reconstructs_it(run, tmp_path, capture,
     assert f"the brightness of the scene is {scale:.3g}" in output
     assert own.sensor.max_intensity == pytest.approx(HEADROOM * scale)
     assert own.sensor.frames == 16
-    assert own.history["trained on"] == "photographs of scikit-image"
+    assert own.history["stages"][-1]["data"] == "photographs of scikit-image"
     status, output = run(
         "reconstruct", name.replace("json", "npy"), "-o", "own.npy", "--model", "own.safetensors"
     )

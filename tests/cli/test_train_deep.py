@@ -52,7 +52,7 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     network = jl.Network.load(NETWORK)
     assert network.sensor == sensor
     np.testing.assert_array_equal(parameter_vector(network), parameter_vector(trained))
-    assert network.history["records"] == trained.history["records"]
+    assert network.history["stages"][-1]["records"] == trained.history["stages"][-1]["records"]
     assert history.steps.tolist() == [0, 1, 2, 3]
     assert np.isfinite(history.test_psnr[-1])
     assert file_names(tmp_path) == [NETWORK, "photos", "run.png"]
@@ -71,7 +71,7 @@ def test_the_optimizer_and_the_precision_are_those_of_python(run, photo_folder):
     )  # fmt: skip
     network = jl.Network.load(NETWORK)
     np.testing.assert_array_equal(parameter_vector(network), parameter_vector(trained))
-    assert network.history["run"] == trained.history["run"]
+    assert network.history["stages"][-1]["run"] == trained.history["stages"][-1]["run"]
 
 
 def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_path):
@@ -101,7 +101,7 @@ def test_a_conditional_network_is_tested_within_its_range_also_when_it_is_improv
     assert run(*images, "-o", NETWORK, *arguments)[0] == 0
     assert run(*images, "-o", "more.safetensors", "--start", NETWORK, *small)[0] == 0
     before, after = (
-        History.from_json(jl.Network.load(name).history["records"])
+        History.from_json(jl.Network.load(name).history["stages"][-1]["records"])
         for name in (NETWORK, "more.safetensors")
     )
     assert after.test_psnr[0] == pytest.approx(before.test_psnr[-1], abs=1e-3)
@@ -132,7 +132,7 @@ def test_a_network_for_a_capture_has_its_brightness(run):
 
 def test_synthetic_scenes_reduce_the_patch_to_their_size(run):
     assert run("train", "synthetic", "-o", NETWORK, *SMALL, "--steps", 1)[0] == 0
-    assert jl.Network.load(NETWORK).history["run"]["patch"] == 32
+    assert jl.Network.load(NETWORK).history["stages"][-1]["run"]["patch"] == 32
 
 
 @pytest.mark.parametrize("step", [1, 2])

@@ -273,7 +273,7 @@ def test_a_run_out_of_time_reports_its_steps_and_the_option(run, photo_folder, t
     )
     assert "; a larger --seconds allows more" in output
     assert file_names(tmp_path) == [NETWORK, "photos"]
-    assert len(jl.Network.load(NETWORK).history["records"]["loss"]) == 2
+    assert len(jl.Network.load(NETWORK).history["stages"][-1]["records"]["loss"]) == 2
 
 
 @pytest.mark.parametrize(

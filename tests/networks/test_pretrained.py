@@ -56,10 +56,10 @@ def test_one_tied_network_serves_jots_and_frames(sensor):
 
 def test_changes_of_a_nested_history_stay_with_their_copy():
     first, second = (pretrained(jl.Sensor(frames=16), "small") for _ in range(2))
-    first.history["run"]["patches"] = "changed"
-    first.history["records"]["loss"].append("changed")
-    assert second.history["run"].get("patches") != "changed"
-    assert second.history["records"]["loss"][-1] != "changed"
+    first.history["stages"][-1]["run"]["patches"] = "changed"
+    first.history["stages"][-1]["records"]["loss"].append("changed")
+    assert second.history["stages"][-1]["run"].get("patches") != "changed"
+    assert second.history["stages"][-1]["records"]["loss"][-1] != "changed"
     assert pretrained(jl.Sensor(frames=16), "small").history == second.history
 
 
@@ -91,7 +91,7 @@ def test_a_card_states_data_command_seed_and_scores(bits):
     assert f"K = {bits} " in card
     assert "BSDS300" in card
     assert f"tools/train.py DATA --only two-layer-k{bits}`" in card
-    run = two_layer_network(bits).history["run"]
+    run = two_layer_network(bits).history["stages"][-1]["run"]
     assert f"seed {run['seed']};" in card
     assert f"{run['steps']} steps of {run['batch']} patches of {run['patch']}" in card
     assert not re.search(r"[{}]|\bnan\b", card)
@@ -106,9 +106,9 @@ def test_a_card_states_data_command_seed_and_scores(bits):
 def test_a_network_was_trained_for_its_sensor_as_its_card_states(bits):
     network = two_layer_network(bits)
     assert network.sensor == jl.Sensor(oversampling=round(bits**0.5))
-    assert network.history["trained on"] == "BSDS300 train, gray"
-    loss = network.history["records"]["loss"]
-    assert len(loss) == network.history["run"]["steps"] + 1
+    assert network.history["stages"][-1]["data"] == "BSDS300 train, gray"
+    loss = network.history["stages"][-1]["records"]["loss"]
+    assert len(loss) == network.history["stages"][-1]["run"]["steps"] + 1
     assert loss[-1] < loss[0]
 
 

@@ -90,7 +90,7 @@ def test_a_run_continues_from_weights_and_from_its_finished_stage(tools, data, t
     network, recipe = tools.train.train_deep("small", options)
     assert re.search(r"then 2 steps at a learning rate of \S+ with 32 patches of 64 × 64", recipe)
     assert recipe.count("the network keeps") == 2  # of the stages before, not of this one
-    assert network.history["run"]["precision"] in ("f32", "bf16")
+    assert network.history["stages"][-1]["run"]["precision"] in ("f32", "bf16")
     again, _ = tools.train.train_deep("small", options)
     for layer, other in zip(network.layers, again.layers, strict=True):
         np.testing.assert_array_equal(layer.filters, other.filters)
@@ -99,7 +99,7 @@ def test_a_run_continues_from_weights_and_from_its_finished_stage(tools, data, t
     options.start = tmp_path / f"small.{number}.safetensors"
     options.seed, options.learning_rate = 6, 1e-4
     continued, recipe = tools.train.train_deep("small", options)
-    assert continued.history["run"]["seed"] == 6
+    assert continued.history["stages"][-1]["run"]["seed"] == 6
     assert "2 steps at a learning rate of 0.0001" in recipe
     card = tools.model_cards.render("small", network, recipe, "scores.")
     assert "CC BY-SA 4.0" in card

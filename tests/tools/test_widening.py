@@ -22,6 +22,7 @@ def test_a_wider_network_has_the_estimates_of_the_smaller_one():
     assert [layer.channels for layer in large.layers] == [
         layer.channels for layer in jl.Network.conditional("large", rng=0).layers
     ]
+    assert large.history["stages"] == [*medium.history["stages"], "widened from medium to large"]
     image = jl.datasets.photograph("camera")[100:164, 180:244]
     for trials in (1, 16, 256):
         sensor = jl.Sensor(frames=trials)

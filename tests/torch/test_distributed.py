@@ -119,7 +119,7 @@ def test_a_script_trains_several_times_also_in_its_own_group(runs, group, is_the
 def test_seeds_may_be_large(seed):
     network = jl.Network.residual(jl.Sensor(frames=8), "small", rng=0)
     trained, _ = train(network, IMAGES, steps=1, batch=1, patch=8, rng=seed, device="cpu")
-    assert trained.history["run"]["seed"] == seed
+    assert trained.history["stages"][-1]["run"]["seed"] == seed
 
 
 def test_a_group_of_the_script_is_used_and_stays(tmp_path, monkeypatch):

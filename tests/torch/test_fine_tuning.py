@@ -121,7 +121,7 @@ def test_a_seed_determines_the_network():
     assert first[0].history == again[0].history
     assert first[1].loss[0] != other[1].loss[0]
     unseeded = tune(rng=None)[0]
-    seeded = tune(rng=unseeded.history["fine tuning"]["run"]["seed"])[0]
+    seeded = tune(rng=unseeded.history["stages"][-1]["run"]["seed"])[0]
     np.testing.assert_array_equal(parameters(unseeded), parameters(seeded))
 
 
@@ -135,9 +135,28 @@ def test_bits_and_their_counts_give_the_same_network():
 def test_the_file_of_a_network_holds_the_history_of_its_fine_tuning(tmp_path):
     tuned, history = tune()
     tuned.save(tmp_path / "own.safetensors")
-    metadata = jl.Network.load(tmp_path / "own.safetensors").history["fine tuning"]
+    metadata = jl.Network.load(tmp_path / "own.safetensors").history["stages"][-1]
     assert History.from_json(metadata["records"]).records == history.records
     assert metadata["run"]["seed"] == 3
+
+
+def test_stages_of_all_kinds_stay_in_order():
+    tuned, _ = tune()
+    retrained, _ = jl.torch.train(
+        tuned, [np.full((24, 24), 0.5)], steps=1, batch=1, rng=5, device="cpu", threads=1
+    )
+    again, _ = tune(network=retrained, rng=6)
+    stages = again.history["stages"]
+    kinds = [("fine-tune", 3), ("train", 5), ("fine-tune", 6)]
+    assert [(stage["kind"], stage["run"]["seed"]) for stage in stages] == kinds
+    assert stages[0] == tuned.history["stages"][0]
+
+
+def test_training_keeps_the_history_of_a_pretrained_network():
+    start = jl.pretrained(SENSOR, "small")
+    tuned, _ = tune(network=start, steps=1)
+    assert tuned.history["stages"][:-1] == start.history["stages"]
+    assert tuned.history["start"] == start.history["start"]
 
 
 def interrupt(path, step, **options):
@@ -174,7 +193,7 @@ def test_a_callback_ends_the_run_and_a_resumed_run_continues(tmp_path):
     whole, path = tune(), tmp_path / "run"
     ended, history = tune(checkpoint=path, callback=end_after(1))
     assert history.steps.tolist() == [0, 1, 2]
-    assert ended.history["fine tuning"]["records"]["step"] == [0, 1, 2]
+    assert ended.history["stages"][-1]["records"]["step"] == [0, 1, 2]
     assert history.records[:2] == whole[1].records[:2]
     assert history.held_out[-1] == np.nanmin(history.held_out)
     resumed, records = tune(checkpoint=path, resume=True)

@@ -59,7 +59,7 @@ def test_a_seed_determines_the_network(start, images):
     assert_same(first, again)
     network, history = first
     assert [record.step for record in history.records] == list(range(STEPS + 1))
-    assert network.history["run"]["seed"] == 3
+    assert network.history["stages"][-1]["run"]["seed"] == 3
     other, _ = train_small(start, images, rng=4)
     assert (other.layers[-1].filters != network.layers[-1].filters).any()
 
@@ -114,7 +114,7 @@ def test_a_callback_ends_the_run_and_a_resumed_run_continues(tmp_path):
     options = {"test": list(IMAGES[:2]), "checkpoint": tmp_path / "run"}
     whole = train_small(test=list(IMAGES[:2]))
     ended, history = train_small(**options, callback=end_after(2))
-    assert history.steps.tolist() == ended.history["records"]["step"] == [0, 1, 2, 3]
+    assert history.steps.tolist() == ended.history["stages"][-1]["records"]["step"] == [0, 1, 2, 3]
     assert history.records[:3] == whole[1].records[:3]
     scores = [jl.metrics.psnr(ended.reconstruct(SENSOR.expose(x, rng=0)), x) for x in IMAGES[:2]]
     assert history.test_psnr[-1] == pytest.approx(np.mean(scores), abs=1)
@@ -158,7 +158,7 @@ def test_products_in_bfloat16_are_almost_as_exact():
     (network, history), (other, other_history) = runs
     np.testing.assert_allclose(other_history.loss, history.loss, rtol=0.03)
     assert (parameter_vector(network) != parameter_vector(other)).any()
-    assert other.history["run"]["precision"] == "bf16"
+    assert other.history["stages"][-1]["run"]["precision"] == "bf16"
 
 
 @pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)

@@ -91,15 +91,18 @@ def test_without_a_seed_a_resumed_run_has_the_seed_of_its_checkpoint(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         train(rng=None, checkpoint=path, callback=stopping(2))
     resumed = train(rng=None, checkpoint=path, resume=True)
-    assert_same(resumed, train(rng=resumed[0].history["run"]["seed"]))
+    assert_same(resumed, train(rng=resumed[0].history["stages"][-1]["run"]["seed"]))
     other = train(rng=None, checkpoint=path)
-    assert other[0].history["run"]["seed"] != resumed[0].history["run"]["seed"]
+    assert (
+        other[0].history["stages"][-1]["run"]["seed"]
+        != resumed[0].history["stages"][-1]["run"]["seed"]
+    )
 
 
 @pytest.mark.parametrize("seed", [None, -1, True, "3"])
 def test_a_checkpoint_without_a_valid_seed_is_refused(tmp_path, seed):
     path = tmp_path / "run"
-    run = train(checkpoint=path)[0].history["run"]
+    run = train(checkpoint=path)[0].history["stages"][-1]["run"]
     rewritten("run", json.dumps({**run, "seed": seed}))(path)
     with pytest.raises(ValueError, match="run: damaged checkpoint: expected a seed, got"):
         train(rng=None, checkpoint=path, resume=True)

@@ -35,7 +35,7 @@ def test_a_seed_determines_the_network_for_any_number_of_threads(images, optimiz
 def test_runs_without_a_seed_differ_and_record_the_seed():
     one, other = (train(rng=None, steps=1)[0] for _ in range(2))
     assert (parameter_vector(one) != parameter_vector(other)).any()
-    again = train(rng=one.history["run"]["seed"], steps=1)[0]
+    again = train(rng=one.history["stages"][-1]["run"]["seed"], steps=1)[0]
     np.testing.assert_array_equal(parameter_vector(one), parameter_vector(again))
 
 
@@ -71,7 +71,7 @@ def test_a_callback_ends_the_run_and_a_resumed_run_continues(tmp_path):
     options = {"test": IMAGES[:2], "checkpoint": tmp_path / "run"}
     whole = train(test=IMAGES[:2])
     ended, history = train(**options, callback=end_after(2))
-    assert history.steps.tolist() == ended.history["records"]["step"] == [0, 1, 2, 3]
+    assert history.steps.tolist() == ended.history["stages"][-1]["records"]["step"] == [0, 1, 2, 3]
     assert history.records[:3] == whole[1].records[:3]
     assert history.test_psnr[-1] == whole[1].test_psnr[3]  # both are those of the same parameters
     # The checkpoint holds the three steps. Resumed, it takes one and returns the network again.
@@ -90,10 +90,26 @@ def test_a_trained_network_and_its_file_record_the_run(tmp_path):
     loaded = jl.Network.load(tmp_path / "net.safetensors")
     assert loaded.history == trained.history
     np.testing.assert_array_equal(parameter_vector(loaded), parameter_vector(trained))
-    records = loaded.history["records"]
+    records = loaded.history["stages"][-1]["records"]
     np.testing.assert_allclose(records["loss"], history.loss, rtol=1e-6)
     np.testing.assert_allclose(records["test_psnr"], history.test_psnr, rtol=1e-6)
-    assert (loaded.history["run"]["seed"], loaded.history["run"]["steps"]) == (3, STEPS)
+    assert (
+        loaded.history["stages"][-1]["run"]["seed"],
+        loaded.history["stages"][-1]["run"]["steps"],
+    ) == (3, STEPS)
+
+
+def test_a_second_training_keeps_the_first_in_the_history():
+    once, _ = train()
+    twice, _ = train(once, steps=2, rng=5)
+    assert twice.history["start"] == START.history["start"]
+    stages = twice.history["stages"]
+    assert stages[0] == once.history["stages"][0]
+    assert [(stage["kind"], stage["run"]["seed"]) for stage in stages] == [
+        ("train", 3),
+        ("train", 5),
+    ]
+    assert len(once.history["stages"]) == 1
 
 
 @pytest.mark.slow

@@ -96,7 +96,7 @@ def fine_tune(
         title=f"fine-tuning {kind}, starting from {origin}",
         steps=steps,
         remedy="--learning-rate",
-        provenance={"fine-tuned on": str(data)},
+        data=str(data),
     )
     _report(training, history, seconds, kind)
     _report_next(data, training, capture, sensor)

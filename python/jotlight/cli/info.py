@@ -130,7 +130,7 @@ def _draw(file: Path, plot: Path) -> None:
     if not runs:
         raise ValueError(f"{file}: this network has no history of a training run to draw")
     check_outputs([plot], [file])
-    plots.save_figure(plots.training(network, runs[-1][2]), plot)
+    plots.save_figure(plots.training(network, runs[-1]), plot)
 
 
 def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:

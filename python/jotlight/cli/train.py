@@ -152,7 +152,7 @@ def train(
         title=f"training {kind}",
         steps=steps,
         remedy=learner.remedy,
-        provenance={"trained on": images or _PHOTOGRAPHS},
+        data=images or _PHOTOGRAPHS,
     )
     report_training(f"{kind}, {_describe(history, taken, steps)}", training)
     report(f"Reconstruct with it: jotlight reconstruct CAPTURE --model {training.output} -o a.png")

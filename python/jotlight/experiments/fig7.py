@@ -21,6 +21,7 @@ from jotlight.experiments.report.content import (
 from jotlight.experiments.training_runs import paper_sensor, train_by_default
 from jotlight.metrics import psnr, snr, ssim
 from jotlight.networks.network import Network
+from jotlight.networks.stages import last_run
 from jotlight.plots import find_detail
 
 NETWORK_FILE = "network.safetensors"
@@ -58,7 +59,7 @@ def parts(context: RunContext) -> list[Part]:
     def train(progress: Progress) -> PartResult:
         _, scenes = context.data.bsds300("train", settings["learning_images"])
         learned, _ = train_by_default(context, "network", sensor, scenes, progress)
-        learned.history["trained on"] = "BSDS300 train, gray"
+        last_run(learned.history)["data"] = "BSDS300 train, gray"
         learned.save(path)
         return PartResult([])
 

@@ -9,7 +9,8 @@ In reading order:
   depend on K. ``graph``: how layers are connected. ``layer_checks``: that they fit each other.
 - ``architectures``: networks at their initial parameters.
 - ``network``: the class that users meet. ``description``, ``figure``: networks as texts and
-  drawings. ``torch_hints``: errors for attributes that only PyTorch's modules have.
+  drawings. ``stages``: where the parameters came from. ``torch_hints``: errors for attributes that
+  only PyTorch's modules have.
 - ``planes_network``: a network that improves classical colors, and one for films, which also reads
   the last image.
 - ``precision``: in which networks multiply. ``loading``: all kinds of networks, and one from a

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import operator
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -191,6 +192,26 @@ class Layer:
         """Return the layer for `pickle` and `copy`, without the engine's part that they reject."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return functools.partial(type(self), **fields), ()
+
+
+def have_equal_parameters(layers: Sequence[Layer], others: Sequence[Layer]) -> bool:
+    """Return whether layers that are connected alike have the same filters and splines.
+
+    Examples
+    --------
+    >>> layers = jl.Network.initial(jl.Sensor()).layers
+    >>> changed = dataclasses.replace(layers[0], filters=2 * layers[0].filters)
+    >>> have_equal_parameters(layers, layers), have_equal_parameters([changed, layers[1]], layers)
+    (True, False)
+    """
+    return all(
+        np.array_equal(layer.filters, other.filters)
+        and (
+            layer.coefficients is None
+            or np.array_equal(layer.coefficients, other.spline_coefficients)
+        )
+        for layer, other in zip(layers, others, strict=True)
+    )
 
 
 def _read_only_float32(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:

@@ -51,7 +51,8 @@ class Network(GrayNetwork, TorchHints):
     sensor : Sensor
         Sensor that the network is for. A K-conditioned network serves other sensors, too.
     history : mapping, optional
-        How the network was made, in values that JSON can hold.
+        Where the parameters came from, in values that JSON can hold: the text `start`, and the list
+        `stages` of the training runs and other changes since then.
     trials_range : (int, int), optional
         Smallest and largest K of a K-conditioned network. Its layers have sets of parameters, and
         the first one is tied. Default: the network is for one K, that of its sensor.

@@ -155,7 +155,8 @@ class ColorNetwork(PlanesNetwork):
         The first layer has the planes of :mod:`jotlight.networks.planes.color_planes`, and the last
         one three channels: P(b = 1) of red, green, and blue.
     history : mapping, optional
-        How the network was made, in values that JSON can hold.
+        Where the parameters came from, in values that JSON can hold: the text `start`, and the list
+        `stages` of the training runs and other changes since then.
     trials_range : (int, int)
         Smallest and largest K of the network.
     rotations : {1, 4}
@@ -191,7 +192,8 @@ class FilmNetwork(PlanesNetwork):
         The first layer has the planes of :mod:`jotlight.networks.planes.film_planes`, and the last
         one a channel: P(b = 1).
     history : mapping, optional
-        How the network was made, in values that JSON can hold.
+        Where the parameters came from, in values that JSON can hold: the text `start`, and the list
+        `stages` of the training runs and other changes since then.
     trials_range : (int, int)
         Smallest and largest K of the network.
     rotations : {1, 4}

@@ -16,6 +16,7 @@ from jotlight.array_types import Array
 from jotlight.checks import positive_number, whole_number
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
+from jotlight.networks.stages import with_run
 from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.bits.bits import Bits
@@ -182,8 +183,8 @@ def fine_tune(
             report(last)
     history = History([*tuner.history.records, last])
     tuned = module.to_network()
-    metadata = {"run": settings, "records": history.subsample().to_json()}
-    tuned.history = {**network.history, "fine tuning": metadata}
+    records = history.subsample().to_json()
+    tuned.history = with_run(network.history, "fine-tune", settings, records)
     return tuned, history
 
 

@@ -14,6 +14,7 @@ from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import ColorNetwork, FilmNetwork, PlanesNetwork
 from jotlight.networks.precision import F32
+from jotlight.networks.stages import with_run
 from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.parameters.intensity_scale import warn_about_scale
@@ -134,8 +135,8 @@ def train(
     Returns
     -------
     network : Network
-        The trained network, in the precision of the one at the start. Its `history` holds the
-        settings and about 500 of the records.
+        The trained network, in the precision of the one at the start. The last of the `stages` in
+        its `history` holds the settings and about 500 of the records.
     history : History
         Cost ε, gradient norm, and test PSNR of each step. The last record belongs to the result,
         so there is one more record than steps. Its `step` is the number of steps that were taken.
@@ -267,11 +268,8 @@ def _trained(
     trained = module.to_network()
     if network.trials_range is None:
         trained = Network(trained.layers, sensor).with_precision(network.precision)
-    trained.history = {
-        **network.history,
-        "run": settings,
-        "records": history.subsample().to_json(),
-    }
+    records = history.subsample().to_json()
+    trained.history = with_run(network.history, "train", settings, records)
     return trained
 
 

@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array
+from jotlight.networks.layer import have_equal_parameters
 from jotlight.networks.network import Network
+from jotlight.networks.stages import with_stage
 
 
 def parameter_vector(network: Network) -> Array:
@@ -52,7 +54,10 @@ def split_vector(network: Network, vector: Array) -> Iterator[tuple[Array, Array
 
 
 def with_parameters(network: Network, vector: Array) -> Network:
-    """Return the network with the parameters in the vector."""
+    """Return the network with the parameters in the vector.
+
+    Its history states that the parameters changed, if they did.
+    """
     layers = [
         dataclasses.replace(
             layer,
@@ -63,7 +68,10 @@ def with_parameters(network: Network, vector: Array) -> Network:
             network.layers, split_vector(network, vector), strict=True
         )
     ]
-    return Network(layers, network.sensor, network.history)
+    history = network.history
+    if not have_equal_parameters(layers, network.layers):
+        history = with_stage(history, "parameters set from a vector")
+    return Network(layers, network.sensor, history)
 
 
 def engine_layers(network: Network, vector: Array, dtype: npt.DTypeLike = np.float32) -> list[Any]:

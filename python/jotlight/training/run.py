@@ -10,6 +10,7 @@ import numpy as np
 from jotlight.array_types import Array
 from jotlight.errors import warn
 from jotlight.networks.network import Network
+from jotlight.networks.stages import with_run
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
@@ -190,9 +191,9 @@ class Run:
         record = Record(taken, loss, float(np.linalg.norm(gradient)), psnr)
         report(record)
         history = History([*state.history.records, record])
-        metadata = {**self.network.history, "run": state.run, "records": history.to_json()}
+        stages = with_run(self.network.history, "train", state.run, history.to_json())
         layers = with_parameters(self.network, state.vector).layers
-        return Network(layers, sensor, metadata), history
+        return Network(layers, sensor, stages), history
 
     def _cost(self, step: int) -> Cost:
         return Cost(self.network, self.sampler, step, self.steps, self.admissible, self.threads)

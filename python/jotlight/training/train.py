@@ -103,7 +103,8 @@ def train(
     Returns
     -------
     network : Network
-        The trained network. Its `history` holds settings and records of the run.
+        The trained network. The last of the `stages` in its `history` holds settings and records
+        of the run.
     history : History
         Cost, gradient norm, and test PSNR of each step. The last record belongs to the result, so
         there is one more record than steps. ``history.steps[-1]`` steps were taken.

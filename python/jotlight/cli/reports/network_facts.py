@@ -13,10 +13,14 @@ from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import ColorNetwork, FilmNetwork, PlanesNetwork
+from jotlight.networks.stages import Stage, stages_of
 from jotlight.training import History
 
 _KINDS: dict[type, str] = {ColorNetwork: "color network", FilmNetwork: "film network"}
 """Kinds of networks. All others are plain networks."""
+
+_VERBS = {"train": "trained", "fine-tune": "fine-tuned"}
+"""What was done to a network, by the kind of a training run."""
 
 
 def network_facts(file: Path, network: Network | PlanesNetwork) -> list[tuple[str, str]]:
@@ -44,37 +48,54 @@ def network_facts(file: Path, network: Network | PlanesNetwork) -> list[tuple[st
         ("work", f"{flops / 1000:.3g} kFLOP per pixel"),
         ("halo", f"{network.halo} pixels"),
     ]
-    origins = [name for name in ("start", "trained on", "fine-tuned on") if name in history]
-    facts += [(name, str(history[name])) for name in origins]
-    facts += [
-        (name, _describe_run(run, records)) for name, run, records in training_runs(file, network)
-    ]
-    return facts
+    if "start" in history:
+        facts.append(("start", str(history["start"])))
+    return facts + _stage_facts(file, network)
 
 
-def training_runs(
-    file: Path, network: Network | PlanesNetwork
-) -> list[tuple[str, dict[str, Any], History]]:
-    """Return the verb, the settings, and the records of each training run in a network's history.
+def training_runs(file: Path, network: Network | PlanesNetwork) -> list[History]:
+    """Return the steps of each training run in a network's history.
 
     Raises
     ------
     ValueError
-        When the entries of a run are damaged.
+        When the history is damaged.
     """
-    history = network.history
-    runs = []
-    for verb, part in (("trained", history), ("fine-tuned", history.get("fine tuning"))):
-        if not (isinstance(part, dict) and {"run", "records"} <= part.keys()):
-            continue
-        try:
-            records = History.from_json(part["records"])
-        except ValueError as error:
-            raise ValueError(f"{file}: {error}") from error
-        if not (isinstance(part["run"], dict) and records.records):
-            raise ValueError(f"{file}: history: expected the settings and the records of a run")
-        runs.append((verb, part["run"], records))
-    return runs
+    return [records for stage, records in _read_stages(file, network) if records]
+
+
+def _stage_facts(file: Path, network: Network | PlanesNetwork) -> list[tuple[str, str]]:
+    """Return a row for each stage of a network's history."""
+    return [
+        (f"stage {number}", stage if isinstance(stage, str) else _describe_run(stage, records))
+        for number, (stage, records) in enumerate(_read_stages(file, network), 1)
+    ]
+
+
+def _read_stages(file: Path, network: Network | PlanesNetwork) -> list[tuple[Stage, History]]:
+    """Return the stages of a network's history, and the steps of each; texts have none."""
+    try:
+        stages = stages_of(network.history)
+        return [
+            (stage, History() if isinstance(stage, str) else _read_run(stage)) for stage in stages
+        ]
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
+
+
+def _read_run(stage: object) -> History:
+    """Return the steps of a training run, after checks of its record.
+
+    Raises
+    ------
+    ValueError
+        When the record is damaged.
+    """
+    if isinstance(stage, dict) and stage.get("kind") in _VERBS:
+        history = History.from_json(stage.get("records"))
+        if isinstance(stage.get("run"), dict) and history.records:
+            return history
+    raise ValueError("history: expected the kind, the settings, and the records of a run")
 
 
 def layers_table(layers: Sequence[Layer]) -> Table:
@@ -108,10 +129,13 @@ def _splines(layer: Layer) -> tuple[str, str]:
     return shape_text(layer.coefficients.shape), f"{layer.start:.3g} to {end:.3g}"
 
 
-def _describe_run(run: dict[str, Any], history: History) -> str:
+def _describe_run(stage: dict[str, Any], history: History) -> str:
+    """Return the kind, the data, the settings, and the result of a training run."""
+    run, steps = stage["run"], int(history.steps[-1])
+    on = f" on {stage['data']}" if "data" in stage else ""
     text = (
-        f"{history.steps[-1]} steps of {run.get('optimizer')}, seed {run.get('seed')}; cost "
-        f"{history.loss[0]:.4g} to {history.loss[-1]:.4g}"
+        f"{_VERBS[stage['kind']]}{on}: {counted(steps, 'step')} of {run.get('optimizer')}, seed "
+        f"{run.get('seed')}; cost {history.loss[0]:.4g} to {history.loss[-1]:.4g}"
     )
     measured = history.test_psnr[np.isfinite(history.test_psnr)]
     if len(measured):

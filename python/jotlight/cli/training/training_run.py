@@ -13,6 +13,7 @@ from jotlight.cli.training.training_options import TrainingOptions
 from jotlight.errors import hide_warnings
 from jotlight.files import atomic_write, delete_file, remove_leftovers
 from jotlight.networks.network import Network
+from jotlight.networks.stages import last_run
 from jotlight.output_links import follow_link
 from jotlight.sensing.parameters.intensity_scale import MEANING
 from jotlight.training import History
@@ -69,7 +70,7 @@ def run_training(
     title: str,
     steps: int,
     remedy: str,
-    provenance: dict[str, str],
+    data: str,
 ) -> tuple[History, float]:
     """Train a network, write it and its figure, and return its history and its duration.
 
@@ -85,8 +86,8 @@ def run_training(
         Number of steps of the run.
     remedy : str
         Option to lower when the run diverges.
-    provenance : dict
-        Facts to add to the history of the network.
+    data : str
+        Text that names the images or the capture, for the history of the network.
 
     Returns
     -------
@@ -103,7 +104,7 @@ def run_training(
         # The files of the images were checked when they were read.
         with _explain_stop(checkpoint, remedy), hide_warnings(MEANING):
             network, history = train(callback=print_steps(title, steps), progress=True)
-            network.history.update(provenance)
+            last_run(network.history)["data"] = data
             network.save(temporary)
             if figure is not None:
                 plots.save_figure(plots.training(network, history), figure)

@@ -14,6 +14,7 @@ from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.inference.engine_backed import EngineBacked
 from jotlight.networks.layer import Layer
 from jotlight.networks.planes import color_planes, film_planes
+from jotlight.networks.stages import stored_history
 from jotlight.paths import as_path, as_tensors_path
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
@@ -133,7 +134,8 @@ def read_network(
         options = {"trials_range": trials_range}
         # The files of most pretrained networks were written before this number existed.
         options["rotations"] = json.loads(metadata.get("rotations", "1"))
-        return make(layers, sensor, json.loads(metadata["history"]), **options)
+        history = stored_history(json.loads(metadata["history"]))
+        return make(layers, sensor, history, **options)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise ValueError(f"{path}: damaged network file: {error}") from error
 
