@@ -33,9 +33,11 @@ def test_the_module_agrees_with_the_engine():
     found = trained.estimate_probability(planes, 9)
     with torch.no_grad():
         expected = PlanesNetwork(trained)(torch.from_numpy(planes)[None], 9)[0]
+    assert [stage["kind"] for stage in trained.history["stages"]] == ["train"]
     assert (trained.layers[-1].filters != START.layers[-1].filters).any()
     np.testing.assert_allclose(found, expected, atol=1e-5)
     rebuilt = PlanesNetwork(trained).to_network()
+    assert rebuilt.history == trained.history
     np.testing.assert_array_equal(rebuilt.estimate_probability(planes, 9), found)
     rounded = PlanesNetwork(trained.with_precision("bf16")).to_network()
     assert (rounded.precision, rebuilt.precision) == ("bf16", "f32")

@@ -235,6 +235,19 @@ def test_further_training_does_not_change_a_returned_network():
     np.testing.assert_array_equal(network.layers[2].filters, before)
 
 
+def test_parameters_that_change_are_a_stage_of_the_history(tmp_path):
+    start = jl.pretrained(SENSOR, "two-layer")
+    start.save(tmp_path / "own.safetensors")
+    module = Network(tmp_path / "own.safetensors")
+    assert module.to_network().history == start.history
+    with torch.no_grad():
+        module.coefficients["1"][0, 0] += 1e-3
+    expected = [*start.history["stages"], "parameters changed in PyTorch, and not measured since"]
+    changed = module.to_network()
+    assert changed.history == {**start.history, "stages": expected}
+    assert Network(changed).to_network().history == changed.history
+
+
 def test_a_network_loads_from_a_file_onto_a_device(tmp_path):
     path = tmp_path / "mine.safetensors"
     residual("small").save(path)

@@ -1,22 +1,20 @@
 """A network as a PyTorch module, which starts from a `jotlight.Network` and returns one."""
 
-import dataclasses
 import os
 from typing import Any, Self
 
-import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.inference.served_sensors import choose_sensor
-from jotlight.networks.layer import Layer
+from jotlight.networks.layer import Layer, have_equal_parameters
 from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.planes_network import ColorNetwork, FilmNetwork
+from jotlight.networks.stages import with_stage
 from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.data_checks import as_floats, check_data, refuse_tracing
@@ -31,7 +29,11 @@ from jotlight.torch.estimates import (
 )
 from jotlight.torch.filter_bank import convolve, correlate, knots_of, layer_specs
 from jotlight.torch.padding import mirror_pad
+from jotlight.torch.parameters import layer_parameters, with_parameters
 from jotlight.torch.splines import accept_parameters_alone, check_knots, spline
+
+_CHANGED = "parameters changed in PyTorch, and not measured since"
+"""The stage in the history of a network that a loop of the user's own trained."""
 
 
 class Network(nn.Module):
@@ -89,16 +91,7 @@ class Network(nn.Module):
         self._trials_range = network.trials_range
         self._is_tied, self._dark_counts = network.tied, reference_jot(network.sensor).dark_counts
         self._pixel_side = 1 if network.tied else network.sensor.oversampling
-        self.filters = nn.ParameterList(
-            _parameter(layer.filters, layer.trainable != "nothing") for layer in layers
-        )
-        self.coefficients = nn.ParameterDict(
-            {
-                str(index): _parameter(layer.coefficients, layer.trainable == "all")
-                for index, layer in enumerate(layers)
-                if layer.coefficients is not None
-            }
-        )
+        self.filters, self.coefficients = layer_parameters(layers)
         self.register_load_state_dict_post_hook(accept_parameters_alone)
         self.to(device)
 
@@ -237,18 +230,16 @@ class Network(nn.Module):
         return spline(sums, coefficients, spec.start, spec.spacing)
 
     def to_network(self) -> EngineNetwork:
-        """Return a network of the engine with a copy of the parameters, for example to save it."""
-        layers = [
-            dataclasses.replace(
-                layer,
-                filters=_array(self.filters[index]),
-                coefficients=None
-                if layer.coefficients is None
-                else _array(self.coefficients[str(index)]),
-            )
-            for index, layer in enumerate(self.origin.layers)
-        ]
-        return self.rebuild(layers).with_precision(self.origin.precision)
+        """Return a network of the engine with a copy of the parameters, for example to save it.
+
+        If they are not those that the module started with, the last of the `stages` in its
+        `history` says so. The runs before it state the values of other parameters.
+        """
+        layers = with_parameters(self.origin.layers, self.filters, self.coefficients)
+        network = self.rebuild(layers).with_precision(self.origin.precision)
+        if not have_equal_parameters(layers, self.origin.layers):
+            network.history = with_stage(network.history, _CHANGED)
+        return network
 
     def rebuild(self, layers: list[Layer]) -> EngineNetwork:
         """Return a network of the engine with other layers; a subclass can override it."""
@@ -336,12 +327,3 @@ class Network(nn.Module):
 @torch.compiler.assume_constant_result
 def _weights(trials: int, trials_range: tuple[int, int], sets: int) -> Tensor:
     return torch.from_numpy(conditioning_weights(trials, trials_range, sets))
-
-
-def _parameter(array: npt.NDArray[np.float32], is_trainable: bool) -> nn.Parameter:
-    return nn.Parameter(torch.from_numpy(array.copy()), requires_grad=is_trainable)
-
-
-def _array(parameter: Tensor) -> npt.NDArray[np.float32]:
-    # A copy, so that further training does not change the network.
-    return np.array(parameter.detach().cpu().numpy(), np.float32)
