@@ -244,3 +244,19 @@ def test_an_empty_file_of_any_format_is_called_empty(run, tmp_path, ending):
     (tmp_path / f"a{ending}").touch()
     status, output = run("info", f"a{ending}")
     assert (status, output) == (1, f"error: a{ending}: expected a capture, got an empty file\n")
+
+
+@pytest.mark.parametrize("options", [[], ["--plot", "a.png"], ["--verify"]], ids=str)
+def test_an_onnx_model_is_refused(run, tmp_path, options):
+    (tmp_path / "own.onnx").write_bytes(b"\x08\x08\x12\x08jotlight")
+    status, output = run("info", "own.onnx", *options)
+    assert status == 1
+    assert output.startswith("error: own.onnx: this is an ONNX model, which runs in ONNX Runtime: ")
+
+
+def test_an_onnx_model_is_refused_in_place_of_a_network(run, tmp_path):
+    jl.save(jl.Sensor(frames=4).expose(np.full((8, 8), 0.4), rng=0), tmp_path / "bits.npy")
+    (tmp_path / "own.onnx").write_bytes(b"\x08\x08\x12\x08jotlight")
+    status, output = run("reconstruct", "bits.npy", "--model", "own.onnx", "-o", "a.png")
+    assert status == 1
+    assert "own.onnx: this is an ONNX model" in output

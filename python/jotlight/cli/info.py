@@ -39,6 +39,7 @@ from jotlight.images.io import read_image
 from jotlight.layout import is_single_image
 from jotlight.motion.motion import FORMAT as MOTION
 from jotlight.motion.motion import Motion
+from jotlight.networks.files.network_files import refuse_onnx
 from jotlight.networks.loading import load_network
 from jotlight.progress.bars import printable
 from jotlight.sensing.bits.bits import Bits
@@ -86,6 +87,8 @@ def info(
         out.print(_table(_capture_facts(capture.open(file))))
         return
     path = Path(file)
+    if not _has_capture_options(capture):
+        refuse_onnx(path)
     verified = [("verified", _verify(path, capture))] if verify else []
     if plot is not None:
         _draw(path, plot)

@@ -272,3 +272,13 @@ def test_numbers_that_float16_holds_are_stored_in_it(tmp_path):
             np.testing.assert_array_equal(layer.coefficients, expected.coefficients)
         sizes.append(path.stat().st_size)
     assert sizes[1] < 0.7 * sizes[0]
+
+
+def test_an_onnx_model_is_named_as_one(tmp_path):
+    path = tmp_path / "own.onnx"
+    with pytest.raises(FileNotFoundError):
+        jl.Network.load(path)
+    path.write_bytes(b"\x08\x08\x12\x08jotlight")
+    message = r"own\.onnx: this is an ONNX model, .* onnxruntime\.InferenceSession\('own\.onnx'\); "
+    with pytest.raises(ValueError, match=message):
+        jl.Network.load(path)

@@ -138,16 +138,18 @@ def test_models_of_untied_networks_take_bits(network, tmp_path):
     np.testing.assert_allclose(actual[0, 0], expected, atol=TOLERANCE)
 
 
-def test_the_model_has_standard_operators_and_states_its_sensor(tmp_path):
+def test_the_model_has_standard_operators_and_states_its_sensor_and_history(tmp_path):
     paths = tmp_path / "a.onnx", tmp_path / "b.onnx"
+    network = jl.pretrained(SENSORS["threshold 2"])
     for path in paths:
-        jl.pretrained(SENSORS["threshold 2"]).export_onnx(path)
+        network.export_onnx(path)
     assert paths[0].read_bytes() == paths[1].read_bytes()
     model = onnx.load(paths[0])
     assert {node.domain for node in model.graph.node} == {""}
     assert not model.functions
     metadata = {each.key: each.value for each in model.metadata_props}
     assert json.loads(metadata["jotlight sensor"]) == SENSORS["threshold 2"].scalars()
+    assert json.loads(metadata["jotlight history"]) == network.history
 
 
 def test_sensors_that_the_model_cannot_have_are_refused(tmp_path):

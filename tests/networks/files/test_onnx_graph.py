@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+import jotlight as jl
+
 onnxruntime = pytest.importorskip("onnxruntime")
 pytest.importorskip("onnx")
 from jotlight.networks.files.onnx_graph import OPSET, GraphBuilder  # noqa: E402
@@ -69,3 +71,4 @@ def test_the_model_states_its_operators():
     model = graph.model(("x", ("n",)), ("y", ("n",)), "a test", {"key": "value"})
     assert [(each.domain, each.version) for each in model.opset_import] == [("", OPSET)]
     assert {each.key: each.value for each in model.metadata_props} == {"key": "value"}
+    assert (model.producer_name, model.producer_version) == ("jotlight", jl.__version__)

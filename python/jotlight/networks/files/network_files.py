@@ -140,8 +140,23 @@ def read_network(
         raise ValueError(f"{path}: damaged network file: {error}") from error
 
 
+def refuse_onnx(path: Path) -> None:
+    """Raise ValueError for the file of an ONNX model.
+
+    Examples
+    --------
+    >>> refuse_onnx(Path("own.safetensors"))
+    """
+    if path.suffix.lower() == ".onnx" and path.is_file():
+        raise ValueError(
+            f"{path}: this is an ONNX model, which runs in ONNX Runtime: "
+            f"onnxruntime.InferenceSession({path.name!r}); jotlight reads the .safetensors file of "
+            "the network, which network.save writes"
+        )
+
+
 def _network_file(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a file that exists."""
+    """Return the path of a file that exists and is no ONNX model."""
     path = as_path(path, 'jotlight.Network.load("mine.safetensors")')
     if not path.is_file():
         is_size = str(path) in QUALITIES
@@ -149,6 +164,7 @@ def _network_file(path: str | os.PathLike[str]) -> Path:
             f"there is no network file {path}"
             + (f"; quality={path} (--quality {path}) selects the pretrained network" * is_size)
         )
+    refuse_onnx(path)
     return path
 
 

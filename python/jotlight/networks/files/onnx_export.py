@@ -13,6 +13,9 @@ The model covers
   of 16;
 - P⁻¹, dark counts, and efficiency, and the clipping to [0, S].
 
+Its metadata are the sensor, as `jotlight sensor`, and the history of the network, as
+`jotlight history`; its producer is the version of jotlight.
+
 It does not cover dead jots, maps of efficiency or dark counts, and maps of trials: the sensor must
 be the same for all pixels. Use the engine for these.
 """
@@ -108,7 +111,10 @@ def write_onnx(path: str | os.PathLike[str], network: GrayNetwork, sensor: Senso
         (data, shape),
         ("intensity", ("batch", 1, "height", "width")),
         f"jotlight network for {sensor!r}: {data} to intensities in [0, S]",
-        {"jotlight sensor": json.dumps(sensor.scalars())},
+        {
+            "jotlight sensor": json.dumps(sensor.scalars()),
+            "jotlight history": json.dumps(network.history),
+        },
     )
     path = as_path(path, 'network.export_onnx("mine.onnx")')
     write_file(path, model.SerializeToString(deterministic=True))

@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from onnx import ModelProto, TensorProto, checker, helper, numpy_helper
 
+from jotlight._engine import __version__
+
 OPSET = 17
 """Version of the operators. Newer runtimes run it, too."""
 
@@ -153,7 +155,11 @@ class GraphBuilder:
         )
         opsets = [helper.make_opsetid("", OPSET)]
         model = helper.make_model(
-            graph, opset_imports=opsets, ir_version=IR_VERSION, producer_name="jotlight"
+            graph,
+            opset_imports=opsets,
+            ir_version=IR_VERSION,
+            producer_name="jotlight",
+            producer_version=__version__,
         )
         helper.set_model_props(model, metadata)
         checker.check_model(model, full_check=True)
