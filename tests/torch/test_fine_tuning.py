@@ -140,25 +140,6 @@ def test_the_file_of_a_network_holds_the_history_of_its_fine_tuning(tmp_path):
     assert metadata["run"]["seed"] == 3
 
 
-def test_stages_of_all_kinds_stay_in_order():
-    tuned, _ = tune()
-    retrained, _ = jl.torch.train(
-        tuned, [np.full((24, 24), 0.5)], steps=1, batch=1, rng=5, device="cpu", threads=1
-    )
-    again, _ = tune(network=retrained, rng=6)
-    stages = again.history["stages"]
-    kinds = [("fine-tune", 3), ("train", 5), ("fine-tune", 6)]
-    assert [(stage["kind"], stage["run"]["seed"]) for stage in stages] == kinds
-    assert stages[0] == tuned.history["stages"][0]
-
-
-def test_training_keeps_the_history_of_a_pretrained_network():
-    start = jl.pretrained(SENSOR, "small")
-    tuned, _ = tune(network=start, steps=1)
-    assert tuned.history["stages"][:-1] == start.history["stages"]
-    assert tuned.history["start"] == start.history["start"]
-
-
 def interrupt(path, step, **options):
     """Start a run, and press Ctrl-C at the end of a step."""
 
