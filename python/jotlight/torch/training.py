@@ -113,7 +113,9 @@ def train(
         processors compute faster; :func:`~jotlight.torch.fastest_precision` measures it. The
         network of two layers refuses ``"bf16"``.
     rng : int, optional
-        Seed of patches and bits. Default: a fresh one, or that of the run to resume.
+        Seed of patches and bits. The same seed and number of threads lead to the same network on
+        one CPU; another number of threads can lead to another one. Default: a fresh one, or that of
+        the run to resume.
     test : array or sequence of arrays, optional
         Images, whole, whose PSNR for a peak of 1 is measured about 20 times, always with the same
         bits.
