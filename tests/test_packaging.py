@@ -47,3 +47,16 @@ def test_the_licenses_are_those_of_the_locked_crates():
 def test_the_crate_carries_the_licenses():
     for name in ("LICENSE-MIT", "LICENSE-APACHE"):
         assert (ROOT / "crates/jotlight" / name).read_bytes() == (ROOT / name).read_bytes()
+
+
+def test_entries_for_citations_state_the_title_the_authors_and_the_version():
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text("utf-8"))["workspace"]["package"][
+        "version"
+    ]
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    entry = (ROOT / "docs/references.bib").read_text("utf-8").partition("\n\n")[0]
+    assert entry.startswith("@misc{jotlight,")
+    assert f"\nversion: {version}\n" in citation
+    assert f"{{Version {version}}}" in entry
+    for pattern in (r'title: "(.+)"', r'- name: "(.+)"'):
+        assert f"{{{re.search(pattern, citation)[1]}}}" in entry
