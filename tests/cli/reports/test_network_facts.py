@@ -22,6 +22,7 @@ COLUMNS = "step", "loss", "gradient_norm", "test_psnr", "held_out"
         {"stages": {}},
         {"stages": [3]},
         {"stages": [{"kind": "train"}]},
+        {"stages": [{"kind": []}]},
         {"stages": [{"kind": "mend", "run": {}, "records": {name: [0] for name in COLUMNS}}]},
     ],
     ids=str,

@@ -91,7 +91,7 @@ def _read_run(stage: object) -> History:
     ValueError
         When the record is damaged.
     """
-    if isinstance(stage, dict) and stage.get("kind") in _VERBS:
+    if isinstance(stage, dict) and stage.get("kind") in [*_VERBS]:
         history = History.from_json(stage.get("records"))
         if isinstance(stage.get("run"), dict) and history.records:
             return history
