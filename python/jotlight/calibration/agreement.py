@@ -7,6 +7,7 @@ from jotlight.array_types import Array
 from jotlight.calibration.jot_counts import JotCounts
 from jotlight.errors import warn
 from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import frames_within
 from jotlight.sensing.parameters.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 
@@ -164,8 +165,7 @@ def warn_about_conflict(bits: Bits, sensor: Sensor) -> None:
     """
     if sensor.readings_differ or sensor.mosaic is not None or len(bits.shape) > 3:
         return
-    frame_bytes = max(1, bits.packed.nbytes // len(bits))
-    first = bits[: max(1, _MAX_BYTES // frame_bytes)]
+    first = bits[: frames_within(bits.packed, _MAX_BYTES)]
     jots = JotCounts(first.counts(1), len(first), int(sensor.threshold))
     conflict = describe_conflict(jots, sensor.dark_counts)
     if conflict is not None:

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.bits.frames import Frames, concatenate, map_in_thread, read_in_chunks
+from jotlight.sensing.bits.frames import (
+    Frames,
+    concatenate,
+    frames_within,
+    map_in_thread,
+    read_in_chunks,
+)
 from jotlight.sensing.parameters.provenance import Provenance
 
 
@@ -62,6 +68,15 @@ def test_chunks_have_a_bounded_size():
     parts = list(read_in_chunks(lazy(CUBE, requests), 18 * 7))
     assert requests == [(0, 7), (7, 14), (14, 20)]
     np.testing.assert_array_equal(np.concatenate([part for _, part in parts]), CUBE)
+
+
+def test_the_first_frames_have_a_bounded_size_but_one_frame_is_always_read():
+    requests = []
+    frames = lazy(CUBE, requests)
+    numbers = [frames_within(frames, size) for size in (0, 17, 18, 35, 36, 18 * 20, 18 * 50)]
+    assert numbers == [1, 1, 1, 1, 2, 20, 50]
+    assert frames_within(lazy(CUBE[:0]), 18) == 18
+    assert requests == []
 
 
 def test_a_function_runs_while_the_next_item_is_made():

@@ -17,6 +17,7 @@ from jotlight.cli.captures.captured import Captured
 from jotlight.cli.terminal.console import caution, progress
 from jotlight.errors import PeriodicRatesWarning, counted, warn
 from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import frames_within
 from jotlight.sensing.sensor import Sensor
 
 PERIODIC_RATES = "periodic rates"
@@ -120,8 +121,7 @@ def _count_jots(
     data = captured.data
     if isinstance(data, Bits):
         if max_bytes is not None:
-            frame_bytes = max(1, data.packed.nbytes // len(data))
-            data = data[: max(1, max_bytes // frame_bytes)]
+            data = data[: frames_within(data.packed, max_bytes)]
         with progress(1) as begin:
             return data.counts(1, threads=threads, progress=begin("counting jots")), len(data)
     return data.sum(), captured.sensor.trials

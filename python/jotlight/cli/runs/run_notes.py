@@ -7,14 +7,14 @@ from jotlight.cli.reports.advice import caution_about_motion, representatives
 from jotlight.cli.terminal.console import report
 from jotlight.dask.jobs import ImageJob, Job, VideoJob
 from jotlight.errors import counted
-from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import frames_within
 from jotlight.sensing.data.alike_frames import repeat_exposures
 
 _MAX_NOTES = 20
 """Number of different notes that are printed."""
 
 _MAX_BYTES = 1 << 30
-"""Size of the packed frames of a capture in which motion is searched."""
+"""Maximum size of the frames in which motion is searched. Such a size is read in seconds."""
 
 
 def summarize_notes(notes: Sequence[Sequence[str]]) -> list[str]:
@@ -55,15 +55,9 @@ def caution_about_moving_scenes(jobs: Sequence[Job], threads: int | None) -> Non
             parts = [bits[a : a + job.spans.window] for a in representatives(starts)]
             advice = "`jotlight film --motion` aligns the frames of each window"
         else:
-            parts = [_brief(bits)]
+            parts = [bits[: frames_within(bits.packed, _MAX_BYTES)]]
             sensor = repeat_exposures(sensor, len(parts[0]))
             advice = "`jotlight reconstruct --motion` of this capture by itself aligns its frames"
         name = job.name if len(jobs) > 1 else None
         if caution_about_motion(parts, sensor, threads, advice=advice, name=name):
             return
-
-
-def _brief(bits: Bits) -> Bits:
-    """Return the first frames of bits, of a size that is read in seconds."""
-    frame_bytes = max(1, bits.packed.nbytes // len(bits))
-    return bits[: max(1, _MAX_BYTES // frame_bytes)]

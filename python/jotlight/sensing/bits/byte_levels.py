@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.bits.frames import Frames, frames_within
 
 _INSPECTED_BYTES = 1 << 20
 """Number of bytes that are read at each of three positions."""
@@ -44,8 +44,7 @@ def largest_number(frames: npt.NDArray[np.uint8] | Frames) -> int | None:
     if frames.size == 0:
         # A file without frames can claim frames of any size, so no memory is allocated for one.
         return None
-    frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
-    number = max(1, _INSPECTED_BYTES // frame_bytes)
+    number = frames_within(frames, _INSPECTED_BYTES)
     nonzero, levels = np.zeros(frames.shape[1:], np.bool_), {0}
     for start in (0, max(0, len(frames) - number) // 2, max(0, len(frames) - number)):
         part = np.asarray(frames[start : start + number, ...])

@@ -212,6 +212,21 @@ def _open_again(
     return frames
 
 
+def frames_within(frames: npt.NDArray[Any] | Frames, max_bytes: int) -> int:
+    """Return how many frames of a stack have at most this many bytes together, and at least 1.
+
+    The number may exceed that of the frames, as the end of a slice may.
+
+    Examples
+    --------
+    >>> frames = np.zeros((20, 4, 25), np.uint8)
+    >>> frames_within(frames, 799), frames_within(frames, 99)
+    (7, 1)
+    """
+    frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
+    return max(1, max_bytes // frame_bytes)
+
+
 def read_in_chunks(
     frames: npt.NDArray[Any] | Frames, max_bytes: int = _MAX_BYTES
 ) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
@@ -219,8 +234,7 @@ def read_in_chunks(
 
     An array has at least one frame. It has at most `max_bytes`, unless a single frame has more.
     """
-    frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
-    step = max(1, max_bytes // frame_bytes)
+    step = frames_within(frames, max_bytes)
     for start in range(0, len(frames), step):
         place = slice(start, min(start + step, len(frames)))
         yield place, read_frames(frames, place.start, place.stop)

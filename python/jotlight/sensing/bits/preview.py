@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.notebook import card, normalize
-from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.bits.frames import Frames, frames_within
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.parameters.sensor_like import SensorLike
 from jotlight.sensing.parameters.slices import frames_text
@@ -51,9 +51,8 @@ def preview(
     max_side : int, optional
         Squares of pixels are averaged until the shorter side is at most about twice as long.
     """
-    frame_bytes = max(1, bits.packed.nbytes // len(bits))
-    frames = range(min(len(bits), max(1, max_bytes // frame_bytes)))
-    part = bits[: len(frames)]
+    part = bits[: frames_within(bits.packed, max_bytes)]
+    frames = range(len(part))
     side = part.sensor.oversampling if part.sensor else 1
     counts = part.counts(side)
     factor = max(1, min(counts.shape[:2]) // max_side) if max_side else 1

@@ -16,6 +16,7 @@ from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.layout import image_channels
 from jotlight.progress import Progress, check_progress
 from jotlight.sensing.bits.bits import Bits
+from jotlight.sensing.bits.frames import frames_within
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.data.filter_hints import (
     alternating,
@@ -274,11 +275,10 @@ def _find_in_middle(data: Bits | Readings | Counts) -> PeriodicRates | None:
         if data.tested_for_periods:
             return None
         data.tested_for_periods = True
-        frame_bytes = max(1, data.packed.nbytes // len(data))
-        counts = data[: max(1, _MAX_BYTES // frame_bytes)].counts(1)
+        counts = data[: frames_within(data.packed, _MAX_BYTES)].counts(1)
     elif isinstance(data, Readings):
-        frame_bytes = 2 * height * width
-        counts = data[: max(1, _MAX_BYTES // frame_bytes)].sum()
+        # Readings of any type are tested as if they had 16 bits.
+        counts = data[: max(1, _MAX_BYTES // (2 * height * width))].sum()
     else:
         counts = data[0]
     top, left = (max(0, (side - _MAX_SIDE) // 2) for side in (height, width))
