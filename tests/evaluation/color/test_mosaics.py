@@ -49,6 +49,7 @@ def test_planes_are_the_images_of_each_position_of_the_period(order):
     assert found.shape == (64, 63, 3)
     assert found.dtype == np.float32
     assert (info.method, info.title) == ("network-small", "network, small, color differences")
+    assert info.seconds > 0
 
 
 @pytest.mark.parametrize("method", ["network-medium", "admm-tv"])

@@ -142,13 +142,13 @@ def _by_color_network(
     choice: Choice,
     threads: int | None,
 ) -> tuple[list[Image], Info]:
-    """Return the colors of each image by a color network. How they were made is without its time.
+    """Return the colors of each image by a color network, and how they were made.
 
-    The gray network at which it starts has its precision.
+    The gray network at which it starts has its precision. The caller sets the computing time.
     """
     start = pretrained_conditional(gray, COLOR_START).with_precision(network.precision)
     colors = [estimate_mosaic(network, start, each, mosaic, threads) for each in counted]
-    return colors, Info(choice.method, choice.title, choice.reason, 0.0)
+    return colors, Info(choice.method, choice.title, choice.reason)
 
 
 def _by_blend(
@@ -156,15 +156,15 @@ def _by_blend(
 ) -> tuple[list[Image], Info]:
     """Return the colors of each image by the blend of the color network with other methods.
 
-    How they were made is without its time.
+    The other result is how they were made. The caller sets the computing time.
     """
     colors: list[Image] = []
     infos: list[Info] = []
     for each in counted:
         blended, shares = blend_mosaic(each, mosaic, method, threads)
         colors.append(blended)
-        infos.append(Info(choice.method, choice.title, choice.reason, 0.0, shares=shares))
-    return colors, join_infos(infos, TITLES[method], 0.0)
+        infos.append(Info(choice.method, choice.title, choice.reason, shares=shares))
+    return colors, join_infos(infos, TITLES[method])
 
 
 def _by_planes(
@@ -172,7 +172,7 @@ def _by_planes(
 ) -> tuple[list[Image], Info]:
     """Return the colors of each image by estimates of gray planes and a demosaicing method.
 
-    How they were made is without its time.
+    The other result is how they were made. The caller sets the computing time.
     """
     colors: list[Image] = []
     infos: list[Info] = []
@@ -180,4 +180,4 @@ def _by_planes(
         values, weights, infos_of_one = estimate_values(each, mosaic, estimate)
         colors.append(demosaic(values, mosaic, method, weights).astype(np.float32))
         infos += infos_of_one
-    return colors, join_infos(infos, TITLES[method], 0.0)
+    return colors, join_infos(infos, TITLES[method])

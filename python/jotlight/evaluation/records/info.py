@@ -19,15 +19,15 @@ class Info:
     """Name of the method in tables."""
     reason: str
     """Why this method was chosen."""
-    seconds: float
-    """Computing time."""
+    seconds: float = 0.0
+    """Computing time in total. It is 0 until the image is complete."""
     history: ConvergenceHistories | None = dataclasses.field(default=None, repr=False)
     """Progress of an iterative method, or a list of it for each channel; None for others."""
     shares: dict[str, float] | None = None
     """Mean weight of each method in a blend on held-out bits; None for other methods."""
 
 
-def join_infos(infos: Sequence[Info], ending: str, seconds: float) -> Info:
+def join_infos(infos: Sequence[Info], ending: str) -> Info:
     """Return how an image of several planes was estimated.
 
     Parameters
@@ -36,13 +36,16 @@ def join_infos(infos: Sequence[Info], ending: str, seconds: float) -> Info:
         How the planes were estimated, all by the same method.
     ending : str
         What follows the estimates of the planes, for the title.
-    seconds : float
-        Computing time in total.
+
+    Returns
+    -------
+    Info
+        How the image was estimated. Its computing time is 0: that of the planes is not all of it.
 
     Examples
     --------
     >>> one = Info("mle", "maximum likelihood", "requested", 0.5)
-    >>> join_infos([one, one], "color differences", 1.5).title
+    >>> join_infos([one, one], "color differences").title
     'maximum likelihood, color differences'
     """
     first = infos[0]
@@ -58,7 +61,7 @@ def join_infos(infos: Sequence[Info], ending: str, seconds: float) -> Info:
     return dataclasses.replace(
         first,
         title=f"{first.title}, {ending}",
-        seconds=seconds,
+        seconds=0.0,
         history=histories or None,
         shares=shares,
     )
