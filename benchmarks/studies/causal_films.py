@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from borders import psnr_inside
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
@@ -38,8 +39,6 @@ from jotlight.motion.films.film import film
 from jotlight.motion.films.live_film import LiveFilm
 
 Image = npt.NDArray[Any]
-
-INNER = (slice(8, -8),) * 2
 
 PARTS = 5
 """Number of lines of the table of time and memory."""
@@ -118,7 +117,7 @@ def measure(
                 best_window(bits, scene.image(now), now),
                 quality(without[number].merged, scene.image(now)),
                 quality(image.merged, scene.image(now)),
-                psnr(recurrent[number], scene.image(now)),
+                psnr_inside(recurrent[number], scene.image(now)),
                 quality(later[number + shift].merged, scene.image(now + 1)),
                 float(image.is_carried),
             ]
@@ -138,12 +137,7 @@ def best_window(bits: jl.Bits, truth: Image, now: int) -> float:
 
 def quality(merged: jl.Merged, truth: Image) -> float:
     """Return the PSNR in dB."""
-    return psnr(jl.pretrained(merged.sensor).reconstruct(merged), truth)
-
-
-def psnr(image: Image, truth: Image) -> float:
-    """Return the PSNR in dB, without a border."""
-    return float(jl.metrics.psnr(image[INNER], truth[INNER], data_range=1.0))
+    return psnr_inside(jl.pretrained(merged.sensor).reconstruct(merged), truth)
 
 
 def measure_time(image: Image, options: argparse.Namespace) -> None:

@@ -24,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from borders import INNER, psnr_inside
 from PIL import Image
 
 import jotlight as jl
@@ -38,7 +39,6 @@ PHOTONS = 0.2
 """Mean number of photons per pixel and binary frame."""
 
 WINDOWS = (2, 4, 8, 16, 32, 64, 128, 256)
-INNER = (slice(8, -8),) * 2
 TILE = 16
 
 Gray = npt.NDArray[np.float32]
@@ -80,7 +80,7 @@ def cells(row: Sequence[float] | npt.NDArray[np.float64]) -> str:
 def still(sensor: jl.Sensor, window: int, truth: Gray) -> float:
     """Return the PSNR of a window of binary frames that all see the same image."""
     part = sensor.replace(frames=window, gain=sensor.gain / sensor.frames * window)
-    return quality(jl.pretrained(part).reconstruct(part.expose(truth, rng=0)), truth)
+    return psnr_inside(jl.pretrained(part).reconstruct(part.expose(truth, rng=0)), truth)
 
 
 def arguments() -> argparse.Namespace:
@@ -126,7 +126,7 @@ def measure(
 
     lengths = [length for length in WINDOWS if length <= 2 * middle]
     windows = [estimate(bits[middle - n // 2 : middle + n // 2]) for n in lengths]
-    best = max(windows, key=lambda each: quality(each, truth))
+    best = max(windows, key=lambda each: psnr_inside(each, truth))
     merged = estimate(image.merged)
     if folder is not None:
         folder.mkdir(exist_ok=True)
@@ -142,11 +142,11 @@ def measure(
     errors = (merged - truth)[INNER][trusted] ** 2
     of_trusted = -10 * np.log10(errors.mean()) if trusted.any() else np.nan
     return (
-        quality(best, truth),
-        quality(merged, truth),
-        quality(recurrent, truth),
+        psnr_inside(best, truth),
+        psnr_inside(merged, truth),
+        psnr_inside(recurrent, truth),
         float(of_trusted),
-        quality(choose_tiles([merged, *windows], truth), truth),
+        psnr_inside(choose_tiles([merged, *windows], truth), truth),
     )
 
 
@@ -159,11 +159,6 @@ def choose_tiles(images: list[Gray], truth: Gray) -> Gray:
             (image[tile] for image in images), key=lambda each: ((each - truth[tile]) ** 2).sum()
         )
     return chosen
-
-
-def quality(image: Gray, truth: Gray) -> float:
-    """Return the PSNR in dB, without a border."""
-    return float(jl.metrics.psnr(image[INNER], truth[INNER], data_range=1.0))
 
 
 if __name__ == "__main__":

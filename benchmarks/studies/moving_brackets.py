@@ -20,6 +20,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from borders import INNER, psnr_inside
 
 import jotlight as jl
 from jotlight.motion.films.estimates import FilmEstimates
@@ -27,7 +28,6 @@ from jotlight.motion.films.film import film
 
 PHOTOGRAPHS = "camera", "coffee"
 SIZE = 192, 192
-INNER = (slice(8, -8),) * 2
 METHOD = "network-medium"
 KINDS = [
     # relative gains of a cycle, thresholds, photons per jot and frame, read noise
@@ -107,15 +107,15 @@ def measure(
     window = len(bits) // (2 * cycle) * cycle
     for shown in film(bits, window=window, step=window // 8 // cycle * cycle, causal=True):
         known = scene.image(shown.time)
-        by_medium = psnr(jl.reconstruct(shown.data, method=METHOD), known)
-        by_network = psnr(estimates.add(shown), known) if shown.nearest else np.nan
+        by_medium = psnr_inside(jl.reconstruct(shown.data, method=METHOD), known)
+        by_network = psnr_inside(estimates.add(shown), known) if shown.nearest else np.nan
         rows.append((by_medium, by_network))
     return (
-        psnr(jl.reconstruct(bits, method=METHOD), truth),
-        psnr(estimate, truth),
+        psnr_inside(jl.reconstruct(bits, method=METHOD), truth),
+        psnr_inside(estimate, truth),
         float(estimate.mean() / truth.mean()) - 1,
-        psnr(jl.reconstruct(still, method=METHOD), at_rest),
-        psnr(jl.reconstruct(jl.merge(still), method=METHOD), at_rest),
+        psnr_inside(jl.reconstruct(still, method=METHOD), at_rest),
+        psnr_inside(jl.reconstruct(jl.merge(still), method=METHOD), at_rest),
         *np.mean(rows, axis=0),
     )
 
@@ -158,11 +158,6 @@ def draw(path: Path, cycles: int) -> None:
         place.set_title(title)
         place.set_axis_off()
     figure.savefig(path, dpi=100)
-
-
-def psnr(estimate: np.ndarray, truth: np.ndarray) -> float:
-    """Return the PSNR without the border."""
-    return jl.metrics.psnr(estimate[INNER], truth[INNER], data_range=1.0)
 
 
 if __name__ == "__main__":

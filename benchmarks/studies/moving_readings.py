@@ -13,12 +13,12 @@ ones.
 import argparse
 
 import numpy as np
+from borders import psnr_inside
 
 import jotlight as jl
 
 PHOTOGRAPHS = "camera", "coffee"
 SIZE = 192, 192
-INNER = (slice(8, -8),) * 2
 KINDS = [
     # bits, photons per jot and frame at intensity 1, read noise
     (2, 1.0, 0.0),
@@ -63,16 +63,11 @@ def measure(sensor: jl.Sensor, motion: str, name: str) -> list[float]:
     return [
         float(truth.mean()) * sensor.light_per_intensity,
         float((readings.to_array() == sensor.max_reading).mean()),
-        psnr(jl.reconstruct(readings, method="network-medium"), truth),
-        psnr(estimate, truth),
+        psnr_inside(jl.reconstruct(readings, method="network-medium"), truth),
+        psnr_inside(estimate, truth),
         float(estimate.mean() / truth.mean()) - 1,
-        psnr(jl.reconstruct(still.bits, method="network-medium"), still.image()),
+        psnr_inside(jl.reconstruct(still.bits, method="network-medium"), still.image()),
     ]
-
-
-def psnr(estimate: np.ndarray, truth: np.ndarray) -> float:
-    """Return the PSNR without the border."""
-    return jl.metrics.psnr(estimate[INNER], truth[INNER], data_range=1.0)
 
 
 if __name__ == "__main__":

@@ -39,6 +39,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from borders import INNER, psnr_inside
 
 import jotlight as jl
 from jotlight.datasets.moving_scenes import MovingScene
@@ -52,7 +53,6 @@ from jotlight.motion.films.estimates import estimate_film
 from jotlight.motion.films.film import film
 
 SIZE = 256, 256
-INNER = (slice(8, -8),) * 2
 WINDOWS = (2, 4, 8, 16, 32, 64, 128, 256, 512)
 MAX_FAST = 256
 """Maximum number of frames of "fast" scenes, which would leave the view."""
@@ -194,9 +194,7 @@ def measure(scene: MovingScene) -> Row:
     def estimate(ones: npt.NDArray[Any], trials: npt.NDArray[Any]) -> Image:
         return network.reconstruct(jl.Merged(ones, trials.astype(np.float64), scene.sensor))
 
-    def quality(image: Image) -> np.float64:
-        return np.float64(jl.metrics.psnr(image[INNER], truth[INNER], data_range=1.0))
-
+    quality = partial(psnr_inside, truth=truth)
     windows = []
     for length in sorted({min(length, frames) for length in (*WINDOWS, frames)}):
         start = scene.reference - length // 2

@@ -24,13 +24,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from borders import INNER, psnr_inside
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
 
 Image = npt.NDArray[Any]
-
-INNER = (slice(8, -8),) * 2
 
 
 def main() -> None:
@@ -95,7 +94,7 @@ def measure(
     parts = [centered(bits, number) for number in numbers]
     motions = [jl.align(part) for part in parts]
     aligned = [
-        quality(jl.pretrained(part.sensor).reconstruct(jl.merge(part, motion=motion)), truth)
+        psnr_inside(jl.pretrained(part.sensor).reconstruct(jl.merge(part, motion=motion)), truth)
         for part, motion in zip(parts, motions, strict=True)
     ]
     errors = [
@@ -130,12 +129,7 @@ def sum_quality(bits: jl.Bits, length: int, truth: Image) -> float:
     """Return the PSNR of a sum of frames without alignment."""
     part = centered(bits, length)
     merged = jl.Merged(part.counts(), float(length), part.sensor)
-    return quality(jl.pretrained(part.sensor).reconstruct(merged), truth)
-
-
-def quality(image: Image, truth: Image) -> float:
-    """Return the PSNR in dB."""
-    return float(jl.metrics.psnr(image[INNER], truth[INNER], data_range=1.0))
+    return psnr_inside(jl.pretrained(part.sensor).reconstruct(merged), truth)
 
 
 def print_row(photons: float, speed: float, rows: list[dict[str, Any]]) -> None:
