@@ -8,9 +8,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-import jotlight.plots as plots
 from jotlight.calibration import Calibration
-from jotlight.cli.captures.captured import Captured, add_sensor, check_outputs_of
+from jotlight.cli.captures.captured import Captured, add_sensor
 from jotlight.cli.captures.jot_checks import mask_hot_jots
 from jotlight.cli.options.capture_options import CaptureOptions
 from jotlight.cli.options.common_options import NETWORK_PANEL, CapturePath
@@ -19,6 +18,7 @@ from jotlight.cli.terminal.console import caution, report, silenced
 from jotlight.cli.training.learners import check_device, describe_kind
 from jotlight.cli.training.training_options import FineTuningOptions
 from jotlight.cli.training.training_run import (
+    check_outputs_of_run,
     checkpoint_path,
     prepare_run,
     report_training,
@@ -54,7 +54,7 @@ def fine_tune(
     Ctrl-C stops the run. With --resume it continues as if it had never been stopped. The command
     needs PyTorch, the extra torch.
     """
-    _check_outputs(data, training, sensor)
+    check_outputs_of_run([data], training, sensor)
     from jotlight.torch import distributed, fine_tuning
 
     check_device(training.device)
@@ -114,15 +114,6 @@ def _report_next(
     argv = ["jotlight", "reconstruct", str(data), *capture.to_argv(), *sensor.to_argv()]
     argv += ["--model", str(training.output), "-o", "image.png"]
     report(f"Reconstruct with it: {shlex.join(argv)}")
-
-
-def _check_outputs(data: Path, training: FineTuningOptions, sensor: TunedSensorOptions) -> None:
-    """Raise ValueError for outputs that cannot be written."""
-    checkpoint = checkpoint_path(training.output)
-    if training.plot is not None:
-        plots.check_figure(training.plot)
-    inputs = [training.start, sensor.calibration, *sensor.map_files()]
-    check_outputs_of([data], [training.output, training.plot, checkpoint], inputs)
 
 
 def _capture(

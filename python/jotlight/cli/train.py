@@ -7,8 +7,6 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-import jotlight.plots as plots
-from jotlight.cli.captures.captured import check_outputs_of
 from jotlight.cli.options.capture_options import TargetCaptureOptions
 from jotlight.cli.options.common_options import CAPTURE_PANEL, TRAINING_PANEL, convert_file
 from jotlight.cli.options.sensor_options import TrainedSensorOptions
@@ -37,6 +35,7 @@ from jotlight.cli.training.training_options import (
     TrainingOptions,
 )
 from jotlight.cli.training.training_run import (
+    check_outputs_of_run,
     checkpoint_path,
     prepare_run,
     report_training,
@@ -106,7 +105,9 @@ def train(
     """
     _check_options(images, training, network, target, capture, sensor)
     kwargs = {**sensor.to_kwargs(), **_jots(network, sensor)}
-    _check_outputs(images, training, data, target, sensor)
+    captures = [] if target is None else [target]
+    photographs = [*files_of(images), *files_of(data.test)]
+    check_outputs_of_run(captures, training, sensor, photographs)
     start = None if training.start is None else Network.load(training.start)
     learner = _learner(training, network, start)
     if learner.is_first:
@@ -193,23 +194,6 @@ def _check_options(
             raise ValueError(f"{options[0][2:]}: is for a capture; name one with --sensor")
     elif network.bits_per_pixel is not None:
         raise ValueError("bits-per-pixel: --sensor states it; leave out one of them")
-
-
-def _check_outputs(
-    images: str | None,
-    training: TrainingOptions,
-    data: ImageOptions,
-    target: Path | None,
-    sensor: TrainedSensorOptions,
-) -> None:
-    """Raise ValueError for outputs that cannot be written."""
-    checkpoint = checkpoint_path(training.output)
-    if training.plot is not None:
-        plots.check_figure(training.plot)
-    inputs = [training.start, sensor.calibration, *sensor.map_files()]
-    inputs += [*files_of(images), *files_of(data.test)]
-    captures = [] if target is None else [target]
-    check_outputs_of(captures, [training.output, training.plot, checkpoint], inputs)
 
 
 def _learner(training: TrainingOptions, network: NetworkOptions, start: Network | None) -> Learner:

@@ -1,9 +1,12 @@
-"""`jotlight train`: outputs that are symbolic links."""
+"""The outputs of `jotlight train`, also those that are symbolic links."""
 
 import pytest
 
 import jotlight as jl
 from folders import file_names
+from jotlight.cli.options.sensor_options import TunedSensorOptions
+from jotlight.cli.training.training_options import FineTuningOptions
+from jotlight.cli.training.training_run import check_outputs_of_run
 from training_runs import interrupted_at
 
 SMALL = ["--patch", 24, "--batch", 4, "--steps", 2, "--optimizer", "adam"]
@@ -57,3 +60,20 @@ def test_links_to_files_that_are_no_networks_are_refused(run, photo_folder, disk
         f"error: {disk / name}: expected a name that ends in .safetensors, but not in "
         ".checkpoint.safetensors, which is for stopped runs\n"
     )
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_no_output_of_a_run_is_a_file_that_it_reads(tmp_path, number):
+    capture, calibration, mask, image = (tmp_path / f"{name}.svg" for name in "abcd")
+    sensor = TunedSensorOptions(calibration=calibration, mask=mask)
+    read = (capture, calibration, mask, image)[number]
+    read.touch()
+    options = FineTuningOptions(output=tmp_path / "m.safetensors", plot=read)
+    with pytest.raises(ValueError, match=rf"{read.name}: this file is read"):
+        check_outputs_of_run([capture], options, sensor, [image])
+
+
+def test_the_figure_of_a_run_has_the_ending_of_a_figure(tmp_path):
+    options = FineTuningOptions(output=tmp_path / "m.safetensors", plot=tmp_path / "a.txt")
+    with pytest.raises(ValueError, match=r"a\.txt: expected .*\.png"):
+        check_outputs_of_run([], options, TunedSensorOptions())

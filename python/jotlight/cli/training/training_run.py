@@ -2,12 +2,14 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from rich.markup import escape
 
 import jotlight.plots as plots
+from jotlight.cli.captures.captured import check_outputs_of
+from jotlight.cli.options.sensor_options import CalibratedSensorOptions
 from jotlight.cli.terminal.console import err, print_steps, report
 from jotlight.cli.training.training_options import TrainingOptions
 from jotlight.errors import hide_warnings
@@ -39,6 +41,37 @@ def checkpoint_path(output: Path) -> Path:
                 ".checkpoint.safetensors, which is for stopped runs"
             )
     return own.with_suffix(".checkpoint.safetensors")
+
+
+def check_outputs_of_run(
+    captures: Iterable[Path],
+    options: TrainingOptions,
+    sensor: CalibratedSensorOptions,
+    images: Iterable[Path] = (),
+) -> None:
+    """Check that a run can write its files, and that they are none of the files it reads.
+
+    Parameters
+    ----------
+    captures : iterable of Path
+        Captures to read.
+    options : TrainingOptions
+        Files to write.
+    sensor : CalibratedSensorOptions
+        The calibration and the maps of the sensor to read.
+    images : iterable of Path
+        Other files to read.
+
+    Raises
+    ------
+    OSError, ValueError
+        When a file cannot be written, has another ending than it needs, or is read.
+    """
+    outputs = [options.output, options.plot, checkpoint_path(options.output)]
+    if options.plot is not None:
+        plots.check_figure(options.plot)
+    inputs = [options.start, sensor.calibration, *sensor.map_files(), *images]
+    check_outputs_of(captures, outputs, inputs)
 
 
 def prepare_run(options: TrainingOptions) -> None:
