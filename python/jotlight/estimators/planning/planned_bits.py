@@ -4,8 +4,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array
+from jotlight.estimators.planning.planned_pixel import PlannedPixel
 from jotlight.sensing.likelihood.likelihood import Likelihood
-from jotlight.sensing.likelihood.reference import reference_jot
 from jotlight.sensing.parameters.response import (
     detection_probability,
     inverse_detection_probability,
@@ -19,16 +19,12 @@ COUNTS_PER_SIGMA = 100
 """The maximum number of counts per standard deviation in the sums."""
 
 
-class PlannedBits:
-    """The distribution of the estimated light of one pixel with equal jots."""
+class PlannedBits(PlannedPixel):
+    """The distribution of the estimated light of one pixel whose jots report bits."""
 
     def __init__(self, sensor: Sensor, max_intensity: float | None) -> None:
+        super().__init__(sensor, max_intensity)
         self.threshold = sensor.threshold
-        self.jots = sensor.oversampling**2
-        self.efficiency, self.dark_counts = reference_jot(sensor)
-        self.max_light = (
-            None if max_intensity is None else max_intensity * sensor.light_per_intensity
-        )
 
     def bias_and_mse(self, frames: int, levels: Array) -> tuple[Array, Array]:
         """Return the bias and the mean square error of the clipped estimate at each level."""

@@ -6,8 +6,9 @@ import numpy as np
 
 from jotlight.array_types import Array
 from jotlight.estimators.planning.planned_estimates import PlannedEstimates, PlannedGroup
+from jotlight.estimators.planning.planned_pixel import PlannedPixel
 from jotlight.estimators.planning.saddle_point import SaddlePoints
-from jotlight.sensing.likelihood.reference import reference_jot, saturation_rate
+from jotlight.sensing.likelihood.reference import saturation_rate
 from jotlight.sensing.sensor import Sensor
 
 _MAX_LIGHT = 1e7
@@ -23,25 +24,19 @@ _STEPS = 100
 """Number of bisections of a level of light."""
 
 
-class PlannedReadings:
-    """The distribution of the estimated light of one pixel with equal jots.
+class PlannedReadings(PlannedPixel):
+    """The distribution of the estimated light of one pixel whose jots report numbers.
 
     Parameters
     ----------
-    sensor : Sensor
-        The sensor. Its number of frames has no effect.
-    max_intensity : float or None
-        S of the estimates, or None for the intensity half a reading below saturation.
+    sensor, max_intensity
+        As for :class:`PlannedPixel`.
     max_level : float
         The largest level of light, in photons per jot and frame.
     """
 
     def __init__(self, sensor: Sensor, max_intensity: float | None, max_level: float) -> None:
-        self.jots = sensor.oversampling**2
-        self.efficiency, self.dark_counts = reference_jot(sensor)
-        self.max_light = (
-            None if max_intensity is None else max_intensity * sensor.light_per_intensity
-        )
+        super().__init__(sensor, max_intensity)
         self._sensor = sensor
         group = PlannedGroup(sensor.jot_response(), self.efficiency, self.dark_counts)
         self._jot, self._estimates = group.jot, PlannedEstimates([group], max_level)

@@ -15,6 +15,7 @@ from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.planning.figure import draw_psnr, draw_snr
 from jotlight.estimators.planning.planned_bits import PlannedBits
 from jotlight.estimators.planning.planned_motion import MotionPlan, check_motion, plan_motion
+from jotlight.estimators.planning.planned_pixel import PlannedPixel
 from jotlight.estimators.planning.planned_readings import PlannedReadings
 from jotlight.notebook import card, table_of
 from jotlight.sensing.likelihood.reference import sensor_of_median_jot
@@ -216,7 +217,7 @@ def plan(
     if max_intensity is not None:
         max_intensity = positive_number("max_intensity", max_intensity)
     sensor = sensor_of_median_jot(sensor)
-    pixel: PlannedBits | PlannedReadings
+    pixel: PlannedPixel
     if sensor.has_plain_bits:
         pixel = PlannedBits(sensor, max_intensity)
     else:
@@ -248,9 +249,7 @@ def plan(
 class _Scene:
     """A scene of such pixels, with light uniformly distributed between two levels."""
 
-    def __init__(
-        self, pixel: PlannedBits | PlannedReadings, min_light: float, max_light: float
-    ) -> None:
+    def __init__(self, pixel: PlannedPixel, min_light: float, max_light: float) -> None:
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
         self._pixel, self._max_light = pixel, max_light
         self._levels = min_light + (max_light - min_light) * (nodes + 1) / 2
