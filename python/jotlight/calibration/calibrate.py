@@ -27,6 +27,7 @@ from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.response import inverse_detection_probability
 
 MAX_DARK = 0.1
 """Default dark counts per frame above which a hot jot is masked.
@@ -212,7 +213,8 @@ def calibrate_sums(
     if threshold == 1:
         # The counting noise of a short capture would be a pattern in every estimate. For higher
         # thresholds, missed hot jots dominate the mean, and its root would be far too many counts.
-        dark_counts[~hot] = -np.log1p(-bulk.shrunk_probabilities(ones[~hot]))
+        likely = bulk.shrunk_probabilities(ones[~hot])
+        dark_counts[~hot] = inverse_detection_probability(1, likely, 1 - likely)
     found = Calibration(
         dark_counts=dark_counts.astype(np.float32),
         mask=mask,

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array
+from jotlight.sensing.parameters.response import inverse_detection_probability
 from jotlight.underflow import underflows_to_0
 
 _MAX_STEPS = 30
@@ -72,7 +73,8 @@ class Gates:
     @underflows_to_0
     def first_point(self) -> Array:
         """Return where the search begins: the most likely one of some rates, (2, P)."""
-        light = -np.log1p(-self.ones / (self.readings + 1)) - self.dark_counts
+        fraction = self.ones / (self.readings + 1)
+        light = inverse_detection_probability(1, fraction, 1 - fraction) - self.dark_counts
         # Noise of the dark counts must not hide all light.
         total = np.maximum(light.sum(axis=0), 0.1 * np.abs(light + self.dark_counts).sum(axis=0))
         fastest = 4 / np.diff(self.times).min()

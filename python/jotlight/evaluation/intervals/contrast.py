@@ -90,7 +90,7 @@ def _ratio_of_slopes(threshold: int, dark_counts: float) -> Array:
     """
     p = np.minimum(squared_sine(_NODES), _MAX_PROBABILITY)
     rate = inverse_detection_probability(threshold, p, 1 - p)
-    of_threshold_1 = -np.log1p(-p) * (1 - p)
+    of_threshold_1 = inverse_detection_probability(1, p, 1 - p) * (1 - p)
     ratio = (rate - dark_counts) * detection_density(threshold, rate) / of_threshold_1
     return np.asarray(np.maximum(ratio, 1))
 

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from jotlight.array_types import Array
 from jotlight.evaluation.intervals.error_scale import HalfErrors
+from jotlight.sensing.parameters.binomial import arcsin_root
 
 _NEIGHBORHOOD = 6.0
 """Standard deviation of the neighborhood whose held-out bits decide together, in pixels."""
@@ -102,8 +103,6 @@ def _error_of(trials: Array, ones: Array, expected: Array, variance: Array, slop
     """Return the error of z that sums show, above 0 if z is too large, or 0 if it may be noise."""
     logarithm = math.log(2 / _MAX_FALSE)
     limit = logarithm / 3 + np.sqrt(logarithm**2 / 9 + 2 * logarithm * variance)
-    seen, predicted = (
-        np.arcsin(np.sqrt(np.minimum(each / np.maximum(trials, 1), 1))) for each in (ones, expected)
-    )
+    seen, predicted = (arcsin_root(each / np.maximum(trials, 1)) for each in (ones, expected))
     error = (predicted - seen) * trials / np.maximum(slope, np.finfo(np.float64).tiny)
     return np.where(np.abs(ones - expected) > limit, error, 0.0)
