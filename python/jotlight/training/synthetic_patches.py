@@ -3,6 +3,7 @@
 import math
 import string
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -92,7 +93,7 @@ def _draw_gradient(rng: np.random.Generator, side: int) -> Image:
     return np.asarray(first + (last - first) * fraction, np.float32)
 
 
-def _draw_grating(rng: np.random.Generator, side: int, longest: float = 32) -> Image:
+def _draw_grating(rng: np.random.Generator, side: int, longest: float = 32.0) -> Image:
     """Return a sine or square wave with a period from 2 to `longest` pixels."""
     first, last = _two_levels(rng)
     period = _SUPERSAMPLING * 2 ** rng.uniform(1, math.log2(longest))
@@ -176,11 +177,6 @@ def _draw_text(rng: np.random.Generator, side: int) -> Image:
     return np.rot90(np.asarray(image, np.float32) / np.float32(255), int(rng.integers(4)))
 
 
-def _draw_fine_grating(rng: np.random.Generator, side: int) -> Image:
-    """Return a sine or square wave with a period of 2 to 3.5 pixels."""
-    return _draw_grating(rng, side, 3.5)
-
-
 def _draw_small_text(rng: np.random.Generator, side: int) -> Image:
     """Return random words in letters of 8 to 16 pixels, whose strokes follow the pixels."""
     from PIL import Image, ImageDraw, ImageFont
@@ -212,4 +208,4 @@ _DRAWINGS: tuple[Callable[[np.random.Generator, int], Image], ...] = (
     _draw_text,
 )
 
-_FINE_DRAWINGS = _draw_rings, _draw_fine_grating, _draw_small_text
+_FINE_DRAWINGS = _draw_rings, partial(_draw_grating, longest=3.5), _draw_small_text

@@ -127,7 +127,7 @@ def checked_images(
     sensor.check_map_shapes(height, width)
     warn_about_scale("image", [pixels], sensor.max_intensity)
     if layout.channel_axis is not None:
-        warn_about_transparency("image", np.moveaxis(pixels, layout.channel_axis, -1))
+        warn_about_transparency(np.moveaxis(pixels, layout.channel_axis, -1))
     return pixels, layout
 
 

@@ -95,20 +95,20 @@ def gray_levels(images: Sequence[npt.NDArray[Any]], max_intensity: float) -> Gra
     return GrayLevels(highest, level, False) if is_bright else None
 
 
-def warn_about_transparency(name: str, image: npt.NDArray[Any]) -> None:
-    """Warn if the last of four channels, (..., H, W, 4), looks like transparency.
+def warn_about_transparency(image: npt.NDArray[Any]) -> None:
+    """Warn if the last of four channels of an image (..., H, W, 4) looks like transparency.
 
     That of an opaque image is 1 everywhere, and its colors are not.
 
     Examples
     --------
-    >>> warn_about_transparency("image", np.ones((2, 3, 3)))
+    >>> warn_about_transparency(np.ones((2, 3, 3)))
     """
     # In most images, the first pixel decides.
     if image.shape[-1] != 4 or image[..., 3].flat[0] != 1 or not (image[..., 3] == 1).all():
         return
     if not (image[..., :3] == 1).all():
         warn(
-            f"{name}: the last of its four channels is 1 everywhere, as the transparency of an "
-            f"opaque image is; if it holds no light, pass {name}[..., :3]"
+            "image: the last of its four channels is 1 everywhere, as the transparency of an "
+            "opaque image is; if it holds no light, pass image[..., :3]"
         )
