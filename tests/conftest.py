@@ -19,7 +19,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from chromium import chromium
+from chromium import chromium, launch_options
 
 hypothesis.settings.register_profile("quick", max_examples=30, deadline=None, derandomize=True)
 hypothesis.settings.register_profile("slow", max_examples=1000, deadline=None)
@@ -67,6 +67,13 @@ def data() -> Path:
 @pytest.fixture(scope="module")
 def browser():
     """Return a Chromium, for the tests of pages."""
+    pytest.importorskip(
+        "playwright.sync_api", reason="no Playwright: pip install 'jotlight[browser]'"
+    )
+    try:
+        launch_options()
+    except FileNotFoundError as error:
+        pytest.skip(str(error))
     with chromium() as running:
         yield running
 

@@ -14,6 +14,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+
+import jotlight as jl
 import training_data
 from calibrate_intervals import (
     CLASSES,
@@ -25,9 +28,6 @@ from calibrate_intervals import (
     start_model,
     tabulate,
 )
-from numpy.typing import NDArray
-
-import jotlight as jl
 from jotlight.evaluation.intervals.color_intervals import MosaicPixels
 from jotlight.evaluation.intervals.error_scale import COLOR_FILE, error_model, error_terms
 from jotlight.sensing.data.pixel_counts import count_pixels

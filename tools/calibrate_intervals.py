@@ -15,11 +15,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-import training_data
 from numpy.typing import NDArray
-from pixel_classes import classify
 
 import jotlight as jl
+import training_data
 from jotlight.evaluation.intervals.error_scale import (
     FILE,
     WINDOWS,
@@ -35,6 +34,7 @@ from jotlight.evaluation.intervals.interval_pixels import Pixels
 from jotlight.evaluation.intervals.intervals import estimate_halves
 from jotlight.evaluation.intervals.known_errors import TYPICAL_DEVIATION
 from jotlight.sensing.data.pixel_counts import count_pixels
+from pixel_classes import classify
 
 TRIALS = 1, 2, 3, 4, 6, 9, 16, 25, 36, 64, 100, 256, 1024, 4096
 PHOTONS = 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import training_data
 
 import jotlight as jl
+import training_data
 from jotlight.motion.films.film import film
 from jotlight.networks.planes.film_planes import NEIGHBORS
 

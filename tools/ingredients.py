@@ -13,9 +13,9 @@ import csv
 from pathlib import Path
 
 import numpy as np
-import training_data
 
 import jotlight as jl
+import training_data
 from jotlight.files import atomic_write
 from jotlight.networks.pretrained import FOLDER
 from jotlight.torch import train

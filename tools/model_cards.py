@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from rounding import round_layers
 
 import jotlight as jl
 from jotlight.evaluation.evaluate import Evaluation
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.networks.stages import Stage, last_run
+from rounding import round_layers
 
 N = TypeVar("N", bound=PlanesNetwork)
 

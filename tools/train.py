@@ -21,17 +21,17 @@ import time
 from functools import cache, partial
 from pathlib import Path
 
-import model_cards
 import numpy as np
-import training_data
-from rounding import round_layers
-from widening import widen
 
 import jotlight as jl
+import model_cards
+import training_data
 from jotlight.images.sets import read_image_set
 from jotlight.networks.pretrained import FOLDER, TRAINED_TRIALS
 from jotlight.networks.stages import last_run, with_stage
 from jotlight.training.parameters import fingerprint_network
+from rounding import round_layers
+from widening import widen
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,11 +16,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import training_data
-from model_cards import ship
-from train import report
 
 import jotlight as jl
+import training_data
 from jotlight.metrics import psnr
 from jotlight.networks.layer import Layer
 from jotlight.networks.planes.color_planes import PLANES
@@ -29,6 +27,8 @@ from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE, pre
 from jotlight.networks.stages import stages_of, with_stage
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training import ColorDrawings, ColorPatches, PatchMixture, random_mosaic
+from model_cards import ship
+from train import report
 
 BATCH, PATCH = 16, 64
 

@@ -22,11 +22,9 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from film_data import PARTS
-from model_cards import ship
-from train import report
 
 import jotlight as jl
+from film_data import PARTS
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.metrics import psnr
 from jotlight.motion.films.estimates import displaced
@@ -39,6 +37,8 @@ from jotlight.networks.stages import stages_of
 from jotlight.sensing.likelihood.reference import response_of
 from jotlight.sensing.parameters.binomial import arcsin_root
 from jotlight.training.film_patches import FilmExample, FilmPatches
+from model_cards import ship
+from train import report
 
 BATCH, PATCH = 16, 64
 

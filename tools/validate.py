@@ -11,9 +11,9 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-import training_data
 
 import jotlight as jl
+import training_data
 
 ENCODED = *((bits, 1.0) for bits in (1, 4, 16, 64, 256)), (16, 0.05), (16, 0.2), (16, 4.0)
 """Trials, and light at intensity 1."""

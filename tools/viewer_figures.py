@@ -9,9 +9,7 @@ extra `napari` and PyQt6. The capture is simulated from a photograph that jotlig
 
 import argparse
 import contextlib
-import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,6 +22,7 @@ import numpy as np
 from PIL import Image
 
 import jotlight as jl
+from chromium import chromium
 
 FRAMES, STEP = 4096, 16
 SIDE = 512
@@ -65,20 +64,6 @@ def viewer(path: Path) -> Iterator[str]:
             yield re.search(r"http\S+", process.stdout.readline())[0]
         finally:
             process.terminate()
-
-
-@contextlib.contextmanager
-def chromium() -> Iterator[Any]:
-    """Yield a Chromium."""
-    from playwright.sync_api import sync_playwright
-
-    names = ("chromium", "chromium-browser", "google-chrome")
-    program = next(filter(None, map(shutil.which, names)))
-    arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=arguments)
-        yield browser
-        browser.close()
 
 
 def shoot(browser: Any, address: str, path: Path, **options: Any) -> None:

@@ -14,7 +14,6 @@ import contextlib
 import json
 import os
 import re
-import shutil
 import statistics
 import subprocess
 import sys
@@ -28,6 +27,10 @@ from pathlib import Path
 import numpy as np
 
 import jotlight as jl
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+
+from chromium import launch_options
 
 RECORD = """
 window.log = [];
@@ -66,11 +69,9 @@ async def empty_page():
     """Start Chromium, and yield an empty page."""
     from playwright.async_api import async_playwright
 
-    names = ("chromium", "chromium-browser", "google-chrome")
-    program = next(filter(None, map(shutil.which, names)))
-    arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
+    options = launch_options()
     async with async_playwright() as driver:
-        browser = await driver.chromium.launch(executable_path=program, args=arguments)
+        browser = await driver.chromium.launch(**options)
         page = await browser.new_page(viewport={"width": 1280, "height": 800})
         await page.add_init_script(RECORD)
         yield page
