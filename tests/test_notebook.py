@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from jotlight.notebook import card, enlarge, shrink
+from jotlight.notebook import average_to_side, card, enlarge
 
 
 def test_texts_cannot_act_as_html_and_are_cut():
@@ -27,7 +27,7 @@ def test_an_image_is_a_small_png(shape):
     assert data is not None
     decoded = np.asarray(Image.open(io.BytesIO(base64.b64decode(data[1])))) / 255
     assert max(decoded.shape[:2]) <= 192
-    np.testing.assert_allclose(decoded, enlarge(shrink(image)), atol=0.002)
+    np.testing.assert_allclose(decoded, enlarge(average_to_side(image)), atol=0.002)
 
 
 @pytest.mark.parametrize(
@@ -42,9 +42,9 @@ def test_an_image_is_a_small_png(shape):
 )
 def test_small_and_thin_images_are_shown_in_a_size_that_people_see(shape, size):
     image = np.random.default_rng(2).random(shape)
-    shown = enlarge(shrink(image))
+    shown = enlarge(average_to_side(image))
     assert shown.shape == size
-    assert set(np.unique(shown)) == set(np.unique(shrink(image)))
+    assert set(np.unique(shown)) == set(np.unique(average_to_side(image)))
 
 
 def test_an_image_has_a_caption_for_those_who_do_not_see_it():
@@ -56,9 +56,9 @@ def test_shrinking_averages_squares_also_incomplete_ones(shape):
     image = np.random.default_rng(1).random(shape)
     side = 4
     factor = -(-max(shape[:2]) // side)
-    found = shrink(image, side)
+    found = average_to_side(image, side)
     for row in range(found.shape[0]):
         for column in range(found.shape[1]):
             square = image[row * factor :, column * factor :][:factor, :factor]
             np.testing.assert_allclose(found[row, column], square.mean(axis=(0, 1)))
-    assert shrink(image, 100) is image
+    assert average_to_side(image, 100) is image

@@ -109,12 +109,12 @@ def normalize(image: npt.NDArray[Any]) -> npt.NDArray[np.floating]:
     return np.clip(np.where(np.isfinite(values), values / white, 1), 0, 1)
 
 
-def shrink(image: npt.NDArray[np.floating], side: int = _SIDE) -> npt.NDArray[np.floating]:
+def average_to_side(image: npt.NDArray[np.floating], side: int = _SIDE) -> npt.NDArray[np.floating]:
     """Return an image of at most `side` pixels a side, by averaging squares of pixels.
 
     Examples
     --------
-    >>> shrink(np.arange(16.0).reshape(4, 4), 2).tolist()
+    >>> average_to_side(np.arange(16.0).reshape(4, 4), 2).tolist()
     [[2.5, 4.5], [10.5, 12.5]]
     """
     factor = -(-max(image.shape[:2]) // side)
@@ -157,7 +157,7 @@ def _png_of(image: npt.NDArray[np.floating]) -> bytes:
     """Return a thumbnail of an image as a PNG."""
     from PIL import Image
 
-    shades = np.rint(255 * np.clip(enlarge(shrink(image)), 0, 1)).astype(np.uint8)
+    shades = np.rint(255 * np.clip(enlarge(average_to_side(image)), 0, 1)).astype(np.uint8)
     buffer = io.BytesIO()
     Image.fromarray(shades).save(buffer, "png")
     return buffer.getvalue()

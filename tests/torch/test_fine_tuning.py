@@ -13,7 +13,7 @@ torch = pytest.importorskip("torch")
 from jotlight.sensing.data.pixel_counts import count_pixels  # noqa: E402
 from jotlight.torch import fine_tune, fine_tuning  # noqa: E402
 from jotlight.torch.bit_splitting import BitSplitter  # noqa: E402
-from jotlight.torch.fine_tuning import random_generator  # noqa: E402
+from jotlight.torch.fine_tuning import generator_of_purpose  # noqa: E402
 from jotlight.torch.network import Network as TorchNetwork  # noqa: E402
 from jotlight.training import History  # noqa: E402
 from training_runs import end_after  # noqa: E402
@@ -46,7 +46,7 @@ def test_the_held_out_likelihood_is_never_below_that_of_the_start(network, learn
     assert history.held_out[-1] == history.held_out.min() <= history.held_out[0]
     # The values are those of the networks as the engine runs them.
     channels = [count_pixels(BITS, SENSOR, None)]
-    splitter = BitSplitter(network, SENSOR, channels, random_generator(3, 0))
+    splitter = BitSplitter(network, SENSOR, channels, generator_of_purpose(3, 0))
     assert splitter.held_out_negative_log_likelihood(network, 1) == history.held_out[0]
     assert splitter.held_out_negative_log_likelihood(tuned, 1) == history.held_out[-1]
     if learning_rate > 1:  # all other parameters were worse
@@ -94,7 +94,7 @@ def test_the_tuned_network_has_the_precision_of_the_start(learning_rate):
 def test_the_passes_of_a_step_are_those_of_the_engine():
     bits = MANY.expose(SCENE, rng=0)
     channels = [count_pixels(bits, MANY, None)]
-    splitter = BitSplitter(SHORT_RANGE, MANY, channels, random_generator(3, 0))
+    splitter = BitSplitter(SHORT_RANGE, MANY, channels, generator_of_purpose(3, 0))
     [split] = splitter.held_out
     assert split.input_trials == 270
     module = TorchNetwork(SHORT_RANGE)

@@ -34,7 +34,7 @@ A jot that has the dark counts detects all of them, and a jot that has none dete
 """
 
 
-def warn_about_dark_counts(
+def warn_about_different_captures(
     flat: JotCounts,
     dark: Array,
     light: Array,

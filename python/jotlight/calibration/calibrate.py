@@ -18,7 +18,7 @@ from jotlight.calibration.hot_jots import check_false_positive_rate
 from jotlight.calibration.jot_counts import JotCounts
 from jotlight.calibration.jot_mosaics import mosaic_of_jots
 from jotlight.calibration.result import Calibration, check_same_jots
-from jotlight.calibration.steadiness import Steadiness, steadiness, warn_about_frames
+from jotlight.calibration.steadiness import Steadiness, steadiness, warn_about_unsteady_frames
 from jotlight.checks import as_counts, positive_number, real_number, shown
 from jotlight.errors import warn
 from jotlight.paths import refuse_path
@@ -237,7 +237,7 @@ def calibrate_sums(
             f"the rate of {false_positive_rate:.2g}; record more frames, or frames with fewer dark "
             "counts"
         )
-    warn_about_frames("dark", dark.steadiness, false_positive_rate)
+    warn_about_unsteady_frames("dark", dark.steadiness, false_positive_rate)
     warn_about_scene(ones / number, hot)
     return found if flat is None else _with_flat(found, flat)
 
@@ -252,7 +252,7 @@ def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
         false_positive_rate=found.false_positive_rate,
         filters=None if flat.mosaic is None else flat.mosaic.full(*ones.shape),
     )
-    warn_about_frames("flat", flat.steadiness, found.false_positive_rate)
+    warn_about_unsteady_frames("flat", flat.steadiness, found.false_positive_rate)
     efficiency = np.minimum(measured.relative / measured.relative.max(), 1).astype(np.float32)
     mask = found.mask | measured.dead
     return dataclasses.replace(

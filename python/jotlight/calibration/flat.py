@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.array_types import Array, Pattern
-from jotlight.calibration.agreement import warn_about_dark_counts
+from jotlight.calibration.agreement import warn_about_different_captures
 from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
 from jotlight.calibration.evenness import warn_about_light
 from jotlight.calibration.jot_counts import JotCounts
@@ -88,7 +88,7 @@ def measure_response(
             "and with the exposure of the dark capture"
         )
     start = np.maximum(start, 1e-3 * np.median(start[~bad]))
-    warn_about_dark_counts(flat, dark_counts, start, bad, false_positive_rate)
+    warn_about_different_captures(flat, dark_counts, start, bad, false_positive_rate)
     # A jot with a one in each dark frame shows nothing, and half a one less would be wrong.
     fitted = np.where(dark.ones >= dark.frames, _NO_ZEROS, dark_counts)
     noise = _counting_noise(flat, dark, start, bad)

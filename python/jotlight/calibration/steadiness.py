@@ -235,7 +235,7 @@ def _homogeneity(
     return np.where(varies, chi2 - mean, 0), np.sqrt(np.maximum(variance, 0))
 
 
-def warn_about_frames(name: str, steady: Steadiness | None, rate: float) -> None:
+def warn_about_unsteady_frames(name: str, steady: Steadiness | None, rate: float) -> None:
     """Warn about correlation, and change over time, with a p-value below the rate.
 
     Parameters

@@ -173,7 +173,7 @@ def fine_tune(
             "patch": side,
             "seed": seed,
         }
-        splitter = BitSplitter(network, sensor, channels, random_generator(seed, 0))
+        splitter = BitSplitter(network, sensor, channels, generator_of_purpose(seed, 0))
         module = TorchNetwork(network).to(chosen_device)
         tuner = FineTuner(module, splitter, settings, learning_rate, seed, batch, side, group)
         tuner.begin(checkpoint, resume)
@@ -227,7 +227,7 @@ class FineTuner(Trainer):
 
     def loss(self, step: int) -> Tensor:
         """Return this process's part of the negative log-likelihood of the target bits."""
-        split = self.splitter.draw(random_generator(self.seed, 1, step), self.batch, self.side)
+        split = self.splitter.draw(generator_of_purpose(self.seed, 1, step), self.batch, self.side)
         own = split.select(self.group.shard)
         estimates = self.splitter.estimate(
             self.module.run_layers, own.to(self.parameters[0].device)
@@ -286,13 +286,14 @@ class FineTuner(Trainer):
             self.module.coefficients[str(last)].clamp_(low, max(high, float(start.max())))
 
 
-def random_generator(seed: int, *key: int) -> np.random.Generator:
+def generator_of_purpose(seed: int, *key: int) -> np.random.Generator:
     """Return the generator of one purpose of a run; the key (0,) stands for the held-out bits.
 
     Examples
     --------
-    >>> int(random_generator(3, 1, 7).integers(10) - random_generator(3, 1, 7).integers(10))
-    0
+    >>> one, same = (generator_of_purpose(3, 1, 7) for _ in range(2))
+    >>> bool(one.integers(10) == same.integers(10))
+    True
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 

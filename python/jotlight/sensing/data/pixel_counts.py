@@ -19,7 +19,7 @@ from jotlight.sensing.bits.values import check_any_valid, checked_trials
 from jotlight.sensing.data.contradictions import warn_about_contradictions
 from jotlight.sensing.data.data_lists import carried_sensor, list_of_data
 from jotlight.sensing.data.periodic_rates import warn_about_periods
-from jotlight.sensing.data.scaled_counts import check_range, check_whole, warn_about_frames
+from jotlight.sensing.data.scaled_counts import check_range, check_whole, warn_about_unpacked_frames
 from jotlight.sensing.data.stated_trials import merge_counts, with_trials
 from jotlight.sensing.merged import Merged, check_sensor_of_merged, refuse_finer_grid
 from jotlight.sensing.parameters.maps import (
@@ -245,7 +245,7 @@ def prepare_data(
     # With an oversampling, the jots are not counted.
     if sensor.oversampling == 1 and channel_axis is None and not may_repeat:
         warn_about_periods([images])
-    warn_about_frames(images, sensor)
+    warn_about_unpacked_frames(images, sensor)
     if trials is not None:
         _check_jots(images, sensor)
         refuse_masked("trials", trials)

@@ -260,13 +260,13 @@ def check_range(counts: Counts, sensor: Sensor) -> None:
         warn(f"counts: {hint}")
 
 
-def warn_about_frames(images: Counts, sensor: Sensor) -> None:
+def warn_about_unpacked_frames(images: Counts, sensor: Sensor) -> None:
     """Warn about a stack of counts that looks like the frames of one image, unpacked.
 
     Examples
     --------
     >>> frames = jl.Sensor(frames=16).expose(np.full((8, 8), 0.5), rng=0).to_array().astype(int)
-    >>> warn_about_frames(frames.sum(0)[None], jl.Sensor(frames=16))  # no warning
+    >>> warn_about_unpacked_frames(frames.sum(0)[None], jl.Sensor(frames=16))  # no warning
     """
     number, _, width = images.shape
     if not (number > 1 and sensor.frames > 1 and images.max() == 1):
