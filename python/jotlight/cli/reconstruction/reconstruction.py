@@ -2,11 +2,13 @@
 
 import dataclasses
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.array_types import Image
 from jotlight.cli.captures.color_choice import (
     refuse_demosaicing,
     takes_capture,
@@ -30,6 +32,7 @@ from jotlight.evaluation.records.info import Info
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
 from jotlight.files import atomic_write_together
 from jotlight.formats.frames.checked_reading import with_checksum
+from jotlight.images.tone import Tone
 from jotlight.sensing.bits.channels import last_channel_axis
 from jotlight.sensing.data.pixel_counts import Data, gray_images
 from jotlight.sensing.merged import Merged
@@ -80,7 +83,6 @@ def reconstruct_image(
         data = captured.summed() if merged is None else merged
         sensor = job.captured.sensor
         sensors = [sensor if merged is None else without_mosaic(sensor)]
-        title = job.choice.title
         origin = job.captured.provenance
         metadata = outputs.metadata(captured.sensor, job.choice.method, origin)
         if motion.motion:
@@ -100,22 +102,34 @@ def reconstruct_image(
         scale = outputs.scale(captured.sensor)
         tones = outputs.write(own, estimate, known, scale, white=job.white, metadata=metadata)
         records.write(files[len(all_paths) :], files, job, metadata)
+    made = f"{job.choice.title}{ending} in {seconds:.3g} s"
+    _report_outputs(outputs, estimate, scale, tones, made)
+    report(*found)
+    report_assumptions(
+        job, Brightness(float(estimate.max()), float(np.quantile(estimate, BRIGHTNESS_QUANTILE)))
+    )
+
+
+def _report_outputs(
+    outputs: ImageOutputOptions,
+    estimate: Image,
+    scale: np.float32,
+    tones: Sequence[Tone],
+    origin: str,
+) -> None:
+    """Report the files of an estimate, its range in their units, and how it was made."""
     units = "intensities" if outputs.units == "intensity" else UNITS[outputs.units]
     display = [f" ({describe_tone(tone)})" for tone in tones]
     preview = "" if outputs.preview is None else display.pop()
     report(
         f"{outputs.output}: {shape_text(estimate.shape)}, {units} "
-        f"{scale * estimate.min():.3g} to {scale * estimate.max():.3g}{''.join(display)}, by "
-        f"{title}{ending} in {seconds:.3g} s"
+        f"{scale * estimate.min():.3g} to {scale * estimate.max():.3g}{''.join(display)}, "
+        f"by {origin}"
     )
     if outputs.preview is not None:
         report(f"{outputs.preview}: image for display{preview}")
     if outputs.uncertainty is not None:
         report(f"{outputs.uncertainty}: confidence intervals of {outputs.coverage:g}")
-    report(*found)
-    report_assumptions(
-        job, Brightness(float(estimate.max()), float(np.quantile(estimate, BRIGHTNESS_QUANTILE)))
-    )
 
 
 def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
