@@ -5,6 +5,7 @@ import json
 import pytest
 
 from jotlight.experiments import EXPERIMENTS
+from jotlight.experiments.experiment import Experiment, Part, PartResult
 
 
 @pytest.mark.slow
@@ -76,3 +77,20 @@ def test_a_function_of_the_user_is_a_row_of_the_table(run, data, own_module, tmp
     status, output = run("reproduce", experiment, *arguments)
     assert status == 1
     assert "holds results with other settings (methods)" in output
+
+
+def test_a_continued_run_says_that_files_behind_a_function_are_not_checked(
+    run, own_module, monkeypatch
+):
+    def stopped(_):
+        raise KeyboardInterrupt
+
+    parts = [Part("first", 1, lambda _: PartResult([])), Part("second", 1, stopped)]
+    experiment = Experiment(
+        "gain", "Gain", {}, {}, lambda _: parts, lambda _: None, compares_methods=True
+    )
+    monkeypatch.setattr("jotlight.experiments.EXPERIMENTS", {"gain": experiment})
+    for expected in ("gain, first", "gain: 1 of 2 parts are done; if a file that"):
+        status, output = run("reproduce", "gain", "-m", f"{own_module}:mean")
+        assert status == 130
+        assert expected in output

@@ -39,7 +39,9 @@ def reproduce(
         Parameter(
             alias="-m",
             help=f"{OWN}, in addition to jotlight's methods in fig7, timing, and gain. Separate "
-            "several by commas, or repeat the option. Default: none.",
+            "several by commas, or repeat the option. With them, a finished run starts anew. An "
+            "interrupted run checks their modules, but no other files that they read. Default: "
+            "none.",
         ),
     ] = None,
     quick: Annotated[
@@ -98,6 +100,8 @@ def reproduce(
     facts = _run(work, folder)
     tables.write_facts(folder.results / "run.csv", facts)
     written = write_report(folder)
+    for _, context, _ in work:
+        runner.finish(context)
     sections = [section for section in written.sections if section.name in facts]
     out.print(_claims(sections), markup=True)
     if quick:
@@ -124,7 +128,13 @@ def _parts_left(
     parts = experiment.parts(context)
     left = [part for part in parts if not folder.part_file(experiment, part).exists()]
     if len(left) < len(parts):
-        err.print(f"{experiment.name}: {len(parts) - len(left)} of {len(parts)} parts are done")
+        done = f"{experiment.name}: {len(parts) - len(left)} of {len(parts)} parts are done"
+        if context.own:
+            done += (
+                f"; if a file that {' or '.join(context.own)} reads has changed since then, add "
+                "--restart"
+            )
+        err.print(done)
     return left
 
 

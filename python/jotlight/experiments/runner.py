@@ -1,4 +1,4 @@
-"""Running an experiment part by part. A finished part never runs again."""
+"""Running an experiment part by part. A finished part never runs again in the same run."""
 
 import dataclasses
 import datetime as dt
@@ -22,6 +22,9 @@ from jotlight.experiments.tables import Facts
 from jotlight.files import remove_leftovers, write_file
 
 BM3D = "bm3d"
+
+_FINISHED = "finished"
+"""Name of the file that marks a finished run."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +83,9 @@ def prepare(
 ) -> RunContext:
     """Return the context for an experiment's parts, and keep what an earlier run finished.
 
+    A finished run with functions of the caller is discarded: they may read files or import modules
+    that have changed. Only their own modules are compared when an interrupted run continues.
+
     Raises
     ------
     ValueError
@@ -104,9 +110,17 @@ def prepare(
                 f"{parts}: holds results with other settings ({', '.join(changed)}); choose "
                 "another folder with --output, or delete them with --restart"
             )
-    else:
+        if own and (parts / _FINISHED).exists():
+            shutil.rmtree(parts)
+            parts.mkdir()
+    if not kept.exists():
         write_file(kept, json.dumps(settings, indent=1))
     return RunContext(settings, parts, data, threads, own)
+
+
+def finish(context: RunContext) -> None:
+    """Mark the run of an experiment as finished, after the run of all experiments."""
+    write_file(context.folder / _FINISHED, "")
 
 
 def run_part(experiment: Experiment, part: Part, folder: Folder, progress: Progress) -> float:
