@@ -26,6 +26,7 @@ def by_bits_results(gains_at_9, gains_at_100, learned=(15.0, 20.0), data=None):
         rows.append({"bits": bits, "estimator": "limit", "sigma": None, "psnr": end + 0.01})
     rows.append({"bits": 9, "estimator": "descent", "sigma": 0.25, "psnr": learned[0] - 0.2})
     settings = {
+        "quick": True,
         "bits": [9, 100],
         "sigmas": SIGMAS,
         "descents": [9],
@@ -120,6 +121,7 @@ def test_cost_and_gradient_have_to_fall_with_minor_rises_only(norms, verdict):
         for i in range(4)
     ]
     settings = {
+        "quick": True,
         "sigmas": SIGMAS,
         "steps": 12,
         "window": 4,
@@ -138,7 +140,7 @@ def fig7_results(**psnr):
         for method, value in psnr.items()
         for image in ("a", "b")
     ]
-    return Results({"bits": 16, "data": {"bsds300": "few"}}, rows)
+    return Results({"quick": True, "bits": 16, "data": {"bsds300": "few"}}, rows)
 
 
 @pytest.mark.parametrize(
@@ -181,7 +183,7 @@ def timing_results(**milliseconds):
         for method, value in milliseconds.items()
         for number in (-1, 0, 1)
     ]
-    return Results({"bits": 16, "rounds": 3}, rows)
+    return Results({"quick": True, "bits": 16, "rounds": 3}, rows)
 
 
 @pytest.mark.parametrize(
@@ -217,7 +219,7 @@ def test_the_best_methods_follow_from_the_numbers():
         for axis in ("exposure", "bits")
         for name, value in psnr.items()
     ]
-    settings = {"bits": 16, "gains": [16], "many_bits": [16], "side": 8}
+    settings = {"quick": True, "bits": 16, "gains": [16], "many_bits": [16], "side": 8}
     speeds = timing_results(**{"mle": 1.0, "network-two-layer": 5.0, "admm-tv": 400.0, UNTIED: 9.0})
     section = gain.section(Results(settings, rows, others={"timing": speeds}))
     winners = section.tables[1].rows[0]

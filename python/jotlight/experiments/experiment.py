@@ -169,3 +169,16 @@ class Experiment:
     section: Callable[[Results], Section]
     compares_methods: bool = False
     datasets: Sequence[str] = ()
+
+
+def command_of(name: str, settings: Mapping[str, Any]) -> str:
+    """Return the command that repeats the run of an experiment with some settings.
+
+    Examples
+    --------
+    >>> command_of("fig7", {"quick": True, "methods": {"mine:denoise": "5c1f"}})
+    'jotlight reproduce fig7 --quick --method mine:denoise'
+    """
+    options = ["--quick"] if settings["quick"] else []
+    options += [f"--method {method}" for method in settings.get("methods", ())]
+    return " ".join(["jotlight reproduce", name, *options])

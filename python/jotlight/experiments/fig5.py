@@ -7,7 +7,14 @@ import numpy.typing as npt
 
 from jotlight.datasets import uniform_scenes
 from jotlight.datasets.fetch import Progress
-from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, RunContext
+from jotlight.experiments.experiment import (
+    Experiment,
+    Part,
+    PartResult,
+    Results,
+    RunContext,
+    command_of,
+)
 from jotlight.experiments.psnr_by_bits import verdict_of
 from jotlight.experiments.report.content import Claim, Column, Curves, Section, Table
 from jotlight.experiments.report.curves import Axes, Line, render_svg
@@ -69,7 +76,7 @@ def section(results: Results) -> Section:
         f"{settings['bits']}. The paper takes the σ of the initial h2 from [0.25, 1] and does not "
         f"say which. This experiment uses σ = {sigmas[0]}, which leaves the pixels nearly as they "
         f"are, and σ = {sigmas[1]}.",
-        "jotlight reproduce fig5",
+        command_of(EXPERIMENT.name, settings),
         ["fig5.csv"],
         claims=[_claim(settings["window"], means)],
         tables=[_table(settings["window"], sigma, means[sigma]) for sigma in sigmas],

@@ -8,7 +8,14 @@ import numpy as np
 from jotlight.datasets import uniform_scenes
 from jotlight.datasets.fetch import Progress
 from jotlight.experiments import psnr_by_bits
-from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, RunContext
+from jotlight.experiments.experiment import (
+    Experiment,
+    Part,
+    PartResult,
+    Results,
+    RunContext,
+    command_of,
+)
 from jotlight.experiments.posterior_mean import posterior_mean_psnr
 from jotlight.experiments.psnr_by_bits import psnr_of
 from jotlight.experiments.report.content import Claim, Section
@@ -62,7 +69,7 @@ def section(results: Results) -> Section:
         "default training, Gauss-Newton, with one weight for all jots of a pixel. No estimator has "
         "a higher PSNR than the posterior mean. Quadrature computes its exact value, the limit. "
         f"For each K the learned network ends at most {gap:.3f} dB below the limit.",
-        "jotlight reproduce fig6a",
+        command_of(EXPERIMENT.name, settings),
         ["fig6a.csv"],
         claims=[
             psnr_by_bits.every_gain_claim(

@@ -5,7 +5,7 @@ from typing import Any
 
 from jotlight.evaluation.evaluate import evaluate
 from jotlight.experiments import psnr_by_bits
-from jotlight.experiments.experiment import Experiment, Part, Results, RunContext
+from jotlight.experiments.experiment import Experiment, Part, Results, RunContext, command_of
 from jotlight.experiments.report.content import Claim, Section
 from jotlight.sensing.sensor import Sensor
 
@@ -33,7 +33,7 @@ def section(results: Results) -> Section:
         "images that some copies hold. “Learned” means by the default training, "
         "Gauss-Newton, with one weight for all jots of a pixel. Values are mean PSNR over the "
         f"first {settings['test_images']:,} test images.",
-        "jotlight reproduce fig6b",
+        command_of(EXPERIMENT.name, settings),
         ["fig6b.csv"],
         claims=[
             psnr_by_bits.every_gain_claim(

@@ -5,7 +5,15 @@ from collections.abc import Callable
 from jotlight.array_types import Image
 from jotlight.datasets.fetch import Progress
 from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_with
-from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
+from jotlight.experiments.experiment import (
+    Experiment,
+    Part,
+    PartResult,
+    Results,
+    Row,
+    RunContext,
+    command_of,
+)
 from jotlight.experiments.method_titles import ALGEBRAIC, method_title
 from jotlight.experiments.png import decode_png, encode_png
 from jotlight.experiments.psnr_by_bits import TOLERANCE
@@ -102,7 +110,7 @@ def section(results: Results) -> Section:
         "patches of the training images by the default training, Gauss-Newton, with one weight "
         "for all jots of a pixel. (The paper descends on whole images, with μ = 5·10⁻⁸.) The "
         "initial network has σ = 0.7.",
-        "jotlight reproduce fig7",
+        command_of(EXPERIMENT.name, settings),
         ["fig7.csv"],
         claims=_claims({method: _means(results, method) for method in results.unique("method")}),
         tables=[

@@ -13,7 +13,15 @@ from jotlight.experiments.bsds_methods import (
     methods_for,
     methods_with,
 )
-from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
+from jotlight.experiments.experiment import (
+    Experiment,
+    Part,
+    PartResult,
+    Results,
+    Row,
+    RunContext,
+    command_of,
+)
 from jotlight.experiments.method_titles import ALGEBRAIC, method_title
 from jotlight.experiments.report.content import Column, Curves, Section, Table
 from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes, Line, render_svg
@@ -122,7 +130,7 @@ def section(results: Results) -> Section:
         "tables are by K with α = K. The learned network is the package's own where the package "
         "has one for the sensor; otherwise this run trains it on the training images by the "
         "default training.",
-        "jotlight reproduce gain",
+        command_of(EXPERIMENT.name, settings),
         ["gain.csv"],
         tables=[
             _psnr_table(f"PSNR in dB by exposure α / K, K = {bits}", by_exposure),

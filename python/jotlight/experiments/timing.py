@@ -20,7 +20,15 @@ from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_for
-from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
+from jotlight.experiments.experiment import (
+    Experiment,
+    Part,
+    PartResult,
+    Results,
+    Row,
+    RunContext,
+    command_of,
+)
 from jotlight.experiments.method_titles import UNTIED, method_title
 from jotlight.experiments.report.content import Claim, Column, Section, Table, Verdict
 from jotlight.experiments.training_runs import paper_sensor
@@ -182,7 +190,7 @@ def section(results: Results) -> Section:
         + "The ratio is to the learned network. The learned and the initial network have one "
         "weight for all jots of a pixel. The paper's network has one for each jot, which takes "
         "longer.",
-        "jotlight reproduce timing",
+        command_of(EXPERIMENT.name, results.settings),
         ["timing.csv"],
         claims=_claims(*next(iter(medians.items()))),
         tables=[Table("Time per image", columns, rows)],
