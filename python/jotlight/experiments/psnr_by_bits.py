@@ -167,15 +167,18 @@ def psnr_curves(results: Results, name: str, title: str) -> Curves:
     settings, limits = results.settings, limits_of(results)
     bits: Sequence[int] = settings["bits"]
     lines = []
-    shades = ["#a9a29a", "#9a938b", "#8b847c", "#7d766e", "#706961"]
-    for shade, sigma in zip(itertools.cycle(shades), settings["sigmas"]):
+    # One hue marks the initial networks, so markers and styles tell them apart.
+    looks = [("v", ":"), ("s", "-"), ("^", "-."), ("D", "--"), ("x", "-")]
+    for (marker, style), sigma in zip(itertools.cycle(looks), settings["sigmas"]):
         y = [psnr_of(results, k, "initial", sigma) for k in bits]
-        lines.append(Line(f"initial, σ = {sigma}", bits, y, color=shade, marker="."))
+        lines.append(
+            Line(f"initial, σ = {sigma}", bits, y, color="#8b847c", marker=marker, style=style)
+        )
     learned = [psnr_of(results, k, "learned") for k in bits]
     lines.append(Line("learned", bits, learned, color="#d55e00", marker="o"))
     if limits:
         limit = [limits[k] for k in bits]
-        lines.append(Line("limit", bits, limit, color="#0072b2", dashed=True))
+        lines.append(Line("limit", bits, limit, color="#0072b2", style="--"))
     return Curves(name, title, render_svg([Axes(lines, "trials per pixel K", "PSNR, dB")]))
 
 

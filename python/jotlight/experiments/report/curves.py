@@ -50,7 +50,8 @@ class Line:
     y: npt.ArrayLike
     color: str
     marker: str = ""
-    dashed: bool = False
+    style: str = "-"
+    """The style of the line, as Matplotlib names it: "-", "--", "-.", ":"."""
     width: float = 1.6
 
 
@@ -115,7 +116,7 @@ def _plot(target: "MatplotlibAxes", axes: Axes) -> None:
             color=line.color,
             marker=line.marker or None,
             markersize=7 if np.size(line.x) == 1 else 4,
-            linestyle="--" if line.dashed else "-",
+            linestyle=line.style,
             linewidth=line.width,
         )
     target.set_xlabel(axes.x_label)
