@@ -1,7 +1,9 @@
-"""How an image of several planes was estimated."""
+"""What an estimate states about itself, and how an image of several planes was estimated."""
 
+import numpy as np
 import pytest
 
+import jotlight as jl
 from jotlight.estimators.iterative.convergence import ConvergenceHistory
 from jotlight.evaluation.records.info import Info, join_infos
 
@@ -23,3 +25,24 @@ def test_the_weights_of_joined_infos_are_the_means_of_those_of_all_planes():
         for shares in ({"mle": 0.25, "network": 0.75}, {"network": 1.0})
     ]
     assert join_infos(infos, "menon").shares == pytest.approx({"mle": 0.125, "network": 0.875})
+
+
+@pytest.mark.parametrize("method", ["mle", "mle-iterative"])
+def test_methods_without_a_prior_find_no_settings(method):
+    bits = jl.Sensor(frames=4).expose(np.full((5, 6), 0.5), rng=0)
+    _, info = jl.reconstruct(bits, method=method, return_info=True)
+    assert info.found_settings() == {}
+
+
+def test_a_weight_of_the_caller_is_not_found():
+    bits = jl.Sensor(frames=4).expose(np.full((5, 6), 0.5), rng=0)
+    _, info = jl.reconstruct(bits, method="admm-tv", weight=2.0, return_info=True)
+    assert info.found_settings() == {}
+
+
+def test_channels_have_weights_of_their_own():
+    bits = jl.Sensor(frames=8).expose(np.full((8, 8, 3), (0.1, 0.5, 0.9)), rng=0, channel_axis=-1)
+    options = {"method": "admm-tv", "return_info": True}
+    _, info = jl.reconstruct(bits, **options)
+    assert info.found_settings() == {"mean_weight": [each.weight.mean() for each in info.history]}
+    assert len(info.history) == 3

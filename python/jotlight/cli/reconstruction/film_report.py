@@ -107,7 +107,7 @@ def film_lines(
         f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
         f"{shape_text(summary.shape)} from {_amount(data, outputs.window, each)} each{others}, "
         f"values {scale * summary.minimum:.3g} to {scale * summary.maximum:.3g} ({display}), by "
-        f"{job.choice.title} in {summary.seconds:.3g} s"
+        f"{job.title} in {summary.seconds:.3g} s"
     )
     if unused:
         line += f"; {_amount(data, unused, each)} at the end {lie} in no window"

@@ -41,6 +41,12 @@ class Reconstruction:
     """File of the network, if the user passes one."""
 
     @property
+    def title(self) -> str:
+        """Name of the method in messages, with the file of the user's network."""
+        own = "" if self.model is None else f" ({self.model.name})"
+        return f"{self.choice.title}{own}"
+
+    @property
     def record_arguments(self) -> tuple[Any, ...]:
         """Arguments of :meth:`AppliedCalibration.description`."""
         captured = self.captured

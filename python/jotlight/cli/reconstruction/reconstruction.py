@@ -91,9 +91,10 @@ def reconstruct_image(
             found = describe(merged, path)
         start = time.perf_counter()
         with with_clipping_of(job.choice):
-            estimate, ending = _estimate(job, data, threads)
+            estimate, ending, found_settings = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
         metadata |= origin_of(job, sensors, checksum(), aligned)
+        metadata["options"] |= found_settings
         known = None
         if outputs.uncertainty is not None:
             known = _uncertainty(job, data, estimate, outputs, threads)
@@ -102,7 +103,7 @@ def reconstruct_image(
         scale = outputs.scale(captured.sensor)
         tones = outputs.write(own, estimate, known, scale, white=job.white, metadata=metadata)
         records.write(files[len(all_paths) :], files, job, metadata)
-    made = f"{job.choice.title}{ending} in {seconds:.3g} s"
+    made = f"{job.title}{ending} in {seconds:.3g} s"
     _report_outputs(outputs, estimate, scale, tones, made)
     report(*found)
     report_assumptions(
@@ -155,8 +156,11 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
 
 def _estimate(
     job: Reconstruction, data: Data, threads: int | None
-) -> tuple[npt.NDArray[np.float32], str]:
-    """Return the estimate of an image, and how the iterations ended or what was blended."""
+) -> tuple[npt.NDArray[np.float32], str, dict[str, Any]]:
+    """Return the estimate of an image, how the iterations ended or what was blended, and settings.
+
+    The settings are those that the method found from the data.
+    """
     title, request = job.choice.title, job.request.with_threads(threads)
     if isinstance(data, Merged):
         request = without_demosaicing(request)
@@ -175,15 +179,16 @@ def _estimate(
         with live_iterations(title) as callback:
             estimate, info = run(callback=callback)
         assert info.history is not None, "the progress of an iterative method"
-        return estimate, f" ({_describe_convergence(info.history)})"
+        ending = f" ({_describe_convergence(info.history)})"
+        return estimate, ending, info.found_settings()
     with progress(None) as begin:
         begin(title)
         estimate, info = run()
     after = info.title.removeprefix(title) if info.title.startswith(title) else ""
     if info.shares is None:
-        return estimate, after
+        return estimate, after, {}
     shares = [f"{share:.0%} {name}" for name, share in info.shares.items()]
-    return estimate, f"{after} ({', '.join(shares)})"
+    return estimate, f"{after} ({', '.join(shares)})", info.found_settings()
 
 
 def _uncertainty(

@@ -127,6 +127,7 @@ def origin_of(
         "bytes": file_state(str(job.path))[0],
         f"{content}_bytes": checksum[0],
         f"{content}_crc32": f"{checksum[1]:08x}",
+        "model": job.model and job.model.name,
         "weights_sha256": weights_sha256(
             sensors,
             choice.method,

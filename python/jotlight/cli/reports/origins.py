@@ -20,7 +20,15 @@ _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Endings of images that contain a note."""
 
 _HOW = (
-    *("options", "motion", "weights_sha256", "maps_sha256", "hot_jots", "calibration_sha256"),
+    *(
+        "options",
+        "motion",
+        "model",
+        "weights_sha256",
+        "maps_sha256",
+        "hot_jots",
+        "calibration_sha256",
+    ),
     *("curve", "white"),
 )
 """Names of the facts that say how an image or a film was made."""
@@ -242,6 +250,7 @@ def _run_facts(run: dict[str, Any]) -> Facts:
     for name, label in (
         ("method", "method"),
         ("options", "options"),
+        ("model", "model"),
         ("weights_sha256", "weights"),
         ("sensor", "sensor"),
         ("maps_sha256", "maps"),

@@ -187,6 +187,7 @@ def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> 
     return {
         "method": estimator.choice.method,
         "options": job.request.settings(),
+        "model": inputs.method.model and inputs.method.model.name,
         "weights_sha256": estimator.weights(inputs.method.model),
         "sensor": sensor.scalars(),
         "maps_sha256": maps_sha256(sensor),

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,29 @@ class Info:
     """Progress of an iterative method, or a list of it for each channel; None for others."""
     shares: dict[str, float] | None = None
     """Mean weight of each method in a blend on held-out bits; None for other methods."""
+
+    def found_settings(self) -> dict[str, Any]:
+        """Return the settings that the method found from the data, for a record.
+
+        They are the mean over the pixels of the weight of total variation, which differs from pixel
+        to pixel, a list of it for several channels, and the shares of a blend.
+
+        Examples
+        --------
+        >>> bits = jl.Sensor(frames=16).expose(np.full((8, 8), 0.5), rng=0)
+        >>> _, info = jl.reconstruct(bits, method="admm-tv", return_info=True)
+        >>> list(info.found_settings())
+        ['mean_weight']
+        """
+        settings: dict[str, Any] = {}
+        if self.history is not None:
+            each = self.history if isinstance(self.history, list) else [self.history]
+            weights = [float(np.mean(h.weight)) for h in each if np.ndim(h.weight) > 0]
+            if weights:
+                settings["mean_weight"] = weights if len(weights) > 1 else weights[0]
+        if self.shares is not None:
+            settings["shares"] = self.shares
+        return settings
 
 
 def join_infos(infos: Sequence[Info], ending: str) -> Info:
