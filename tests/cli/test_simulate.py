@@ -9,7 +9,8 @@ import tifffile
 
 import jotlight as jl
 from folders import file_names, size_limit
-from jotlight.images.io import read_image
+from jotlight.formats.files.checksums import file_checksum
+from jotlight.images.io import read_image, read_note
 
 
 def test_simulate_and_reconstruct_write_what_the_python_interface_returns(run, photo, tmp_path):
@@ -189,3 +190,27 @@ def test_a_stack_of_images_is_no_photograph(run, tmp_path, shape):
     assert status == 1
     assert "photo: expected one image, (H, W) or (H, W, C) with at most 4 channels, got" in output
     assert file_names(tmp_path) == before
+
+
+def test_a_simulated_capture_and_its_images_state_their_origin(run, color, tmp_path):
+    options = ["-t", 3, "--gray", "--white", 400, "--motion", "shake", "--seed", 5]
+    status, output = run("simulate", color, "-o", "bits.npy", *options)
+    assert status == 0, output
+    assert run("reconstruct", "bits.npy", "-o", "image.tif", "--method", "mle")[0] == 0
+    stated = json.loads((tmp_path / "bits.json").read_text())["provenance"]
+    assert (stated["format"], stated["name"]) == ("photograph", Path(color).name)
+    expected = [
+        f"simulated by jotlight {jl.__version__} with seed 5, gray, white 400.0, motion shake",
+        f"SHA-256 {file_checksum(tmp_path / color)}",
+    ]
+    assert stated["notes"] == expected
+    assert read_note(tmp_path / "image.tif")["provenance"]["origin"]["notes"] == expected
+    for name in ("bits.npy", "image.tif"):
+        shown = " ".join(run("info", name)[1].split())
+        assert all(note in shown for note in (*expected, Path(color).name))
+
+
+def test_simulated_readings_of_several_bits_state_their_origin(run, photo, tmp_path):
+    assert run("simulate", photo, "-o", "bits.npy", "--bit-depth", 4)[0] == 0
+    notes = json.loads((tmp_path / "bits.json").read_text())["provenance"]["notes"]
+    assert notes[0].endswith(" with seed 0")

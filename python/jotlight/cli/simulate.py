@@ -2,13 +2,15 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
+from jotlight._engine import __version__
 from jotlight.array_types import Packed
 from jotlight.checks import as_image
 from jotlight.cli.options.common_options import MOTION_PANEL, Gray, Photo, Seed, Threads, White
@@ -17,6 +19,7 @@ from jotlight.cli.terminal.console import caution, progress, report
 from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
 from jotlight.datasets.moving_scenes.tables import read_poses
 from jotlight.files import atomic_write, check_outputs
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.npy.description import companion_files, description_path, map_path
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
@@ -24,7 +27,9 @@ from jotlight.layout import MAX_CHANNELS
 from jotlight.output_links import follow_link
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames
+from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.parameters.intensity_scale import gray_levels
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _ROUNDING = 1e-6
@@ -73,6 +78,12 @@ class MotionOptions:
                 raise ValueError(f"{name}: is for a moving scene; add --motion shake, for example")
         if self.truth is not None:
             image_writer(self.truth)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the values of the options that determine the bits, by name."""
+        names = {"motion": self.motion, "foreground": self.foreground}
+        files = {name: value and Path(value).name for name, value in names.items()}
+        return {**files, "photons": self.photons}
 
     def files(self) -> list[Path]:
         """Return the files to read."""
@@ -143,6 +154,8 @@ def simulate(
     else:
         scene = motion.make_scene(image, exposed, seed, white, gray)
         bits = scene.bits
+    settings = {"seed": seed, "gray": gray, "white": white, **motion.settings()}
+    bits = _with_origin(bits, photo, settings)
     with progress(1) as begin:
         write_capture(bits, output, choose_output_format(output, "npy"), begin("drawing bits"))
     if motion.truth is not None:
@@ -150,6 +163,28 @@ def simulate(
             image_writer(motion.truth)(file, scene.image())
     report(f"{output}: {bits!r}")
     _caution_about_limit(image, exposed)
+
+
+def _with_origin(
+    bits: Bits | Readings, photo: Path, settings: Mapping[str, Any]
+) -> Bits | Readings:
+    """Return bits that state the photograph, the options that were set, and the version.
+
+    Their sensor states the other options.
+    """
+    options = ", ".join(
+        f"{name} {value}".removesuffix(" True")
+        for name, value in settings.items()
+        if value is not None and value is not False
+    )
+    notes = (
+        f"simulated by jotlight {__version__} with {options}",
+        f"SHA-256 {file_checksum(photo)}",
+    )
+    origin = Provenance("photograph", photo.name, notes)
+    if isinstance(bits, Readings):
+        return Readings(bits.frames, bits.sensor, origin)
+    return bits.replace(provenance=origin)
 
 
 def _caution_about_limit(image: npt.NDArray[np.floating], exposed: Sensor) -> None:
