@@ -155,9 +155,9 @@ def simulate(
         scene = motion.make_scene(image, exposed, seed, white, gray)
         bits = scene.bits
     settings = {"seed": seed, "gray": gray, "white": white, **motion.settings()}
-    bits = _with_origin(bits, photo, settings)
+    drawn = _with_origin(bits, photo, settings)
     with progress(1) as begin:
-        write_capture(bits, output, choose_output_format(output, "npy"), begin("drawing bits"))
+        write_capture(drawn, output, choose_output_format(output, "npy"), begin("drawing bits"))
     if motion.truth is not None:
         with atomic_write(motion.truth) as file:
             image_writer(motion.truth)(file, scene.image())
