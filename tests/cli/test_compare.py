@@ -12,6 +12,7 @@ import jotlight as jl
 from folders import file_names
 from jotlight.cli.terminal import console
 from jotlight.evaluation.methods import METHODS
+from jotlight.images.io import read_image
 
 ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
 TITLES = {name: METHODS[name].title for name in ITERATIVE}
@@ -158,3 +159,17 @@ def test_a_missing_function_is_refused_before_any_work(run, photo, own_module, t
 
 def test_missing_packages_are_named_only_if_all_methods_are_compared(run, photo):
     assert "Not installed" not in run("compare", photo, "-m", "mle", "-o", "a.png")[1]
+
+
+def test_the_sensor_is_that_of_the_model_unless_options_change_it(run, photo):
+    jl.Network.initial(jl.Sensor(oversampling=2, frames=8)).save("own.safetensors")
+    status, output = run("compare", photo, "-m", "mle", "--model", "own.safetensors")
+    assert status == 0, output
+    expected = jl.compare(
+        {"mle": "mle"}, read_image(photo), jl.Sensor(oversampling=2, frames=8), rng=0
+    )
+    assert f"{expected.results[0].psnr:.2f} dB" in output
+    assert "own.safetensors" in output
+    status, output = run("compare", photo, "-m", "mle", "--model", "own.safetensors", "-t", 4)
+    assert status == 1
+    assert "got Sensor(oversampling=2, frames=4" in output

@@ -4,7 +4,7 @@ from jotlight.experiments import psnr_by_bits
 from jotlight.experiments.experiment import Results
 
 
-def test_the_curves_of_the_initial_networks_can_be_told_apart_in_gray(monkeypatch):
+def test_the_curves_of_the_initial_networks_differ_in_gray(monkeypatch):
     drawn = []
     monkeypatch.setattr(psnr_by_bits, "render_svg", lambda axes: drawn.extend(axes) or "")
     sigmas = psnr_by_bits.SETTINGS["sigmas"]

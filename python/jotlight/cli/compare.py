@@ -11,7 +11,7 @@ from rich.table import Table
 
 from jotlight.cli.options.common_options import NAMES, OWN, Gray, Model, Photo, Seed, Threads, White
 from jotlight.cli.options.method_options import split_names
-from jotlight.cli.options.sensor_options import ExposureOptions
+from jotlight.cli.options.sensor_options import ModelSensorOptions
 from jotlight.cli.terminal.console import out, progress, report
 from jotlight.evaluation.choice import title_of
 from jotlight.evaluation.compare import COLUMNS, Comparison, default_methods
@@ -55,7 +55,7 @@ def compare(
         ),
     ] = None,
     model: Model = None,
-    sensor: ExposureOptions = ExposureOptions(),
+    sensor: ModelSensorOptions = ModelSensorOptions(),
     seed: Seed = 0,
     gray: Gray = False,
     white: White = None,
@@ -63,17 +63,18 @@ def compare(
 ) -> None:
     """Simulate the bits of a photograph, and compare its estimates by every method.
 
-    PSNR and SSIM are for a peak of 1.
+    The sensor is the model's, changed by the options. Without a model, or with a model for any
+    sensor, the sensor has 4 x 4 jots per pixel and one frame. PSNR and SSIM are for a peak of 1.
     """
-    exposed = Sensor(**sensor.to_kwargs())
+    network = None if model is None else load_image_network(model)
+    exposed = sensor.sensor_for(network)
     names = [*split_names(method), *map(network_name, split_names(quality))]
     selected: dict[str, AnyMethod | None] = _select(exposed, names)
     image = read_image(photo, white=white, gray=gray)
     selected = selected or {**default_methods(exposed, is_color=image.ndim == 3)}
     output = output or Path(f"{photo.stem}-compare.png")
     check_outputs([output], [photo, model, *sensor.map_files()])
-    if model is not None:
-        network = load_image_network(model)
+    if network is not None:
         network.check_sensor(exposed)
         selected[str(model)] = network
     run_comparison(image, exposed, output, selected, seed=seed, threads=threads)

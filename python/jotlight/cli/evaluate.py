@@ -2,7 +2,7 @@
 
 import contextlib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
@@ -70,14 +70,13 @@ def evaluate(
     sensor, the sensor has 4 x 4 jots per pixel and one frame. Color photographs are converted to
     gray. PSNR and SSIM are for a peak of 1.
     """
-    sensor_kwargs = sensor.to_kwargs()
     name = one_method(method, quality, model)
     if output is not None:
         if output.suffix.lower() != ".csv":
             raise ValueError(f"{output}: expected a name that ends in .csv")
         files = list(images.iterdir()) if images.is_dir() else [images]
         check_outputs([output], [model, *sensor.map_files(), *files])
-    title, run, exposed = _method(name, model, sensor_kwargs)
+    title, run, exposed = _method(name, model, sensor)
     with contextlib.ExitStack() as stack:
         # The file is created now, to reveal a folder that cannot be written before any work.
         temporary = stack.enter_context(atomic_write(output)) if output is not None else None
@@ -110,14 +109,11 @@ def evaluate(
 
 
 def _method(
-    method: str | None, model: Path | None, sensor_kwargs: dict[str, Any]
+    method: str | None, model: Path | None, options: EvaluatedSensorOptions
 ) -> tuple[str, str | Network | OwnMethod, Sensor]:
     """Return the title of a method, the method, and the sensor that exposes."""
     network = None if model is None else Network.load(model)
-    if network is not None and network.trials_range is None:
-        sensor = network.sensor.replace(**sensor_kwargs)
-    else:
-        sensor = Sensor(**{"oversampling": 4, **sensor_kwargs})
+    sensor = options.sensor_for(network)
     if network is not None:
         return str(model), network, sensor
     method = method or DEFAULT_METHOD

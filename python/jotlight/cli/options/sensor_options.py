@@ -2,14 +2,17 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from jotlight.cli.options.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL, convert_file
 from jotlight.cli.options.sensor_values import number_or_map, read_mosaic, values_of_frames
 from jotlight.formats.images.maps import is_map, read_mask
-from jotlight.sensing.sensor import KERNELS
+from jotlight.sensing.sensor import KERNELS, Sensor
+
+if TYPE_CHECKING:
+    from jotlight.networks.loading import AnyNetwork
 
 _OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera."
 _FRAMES = "T: number of binary frames."
@@ -167,8 +170,11 @@ class SensorOptions:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class EvaluatedSensorOptions(SensorOptions):
-    """Parameters of the sensor with which a method is evaluated."""
+class ModelSensorOptions(SensorOptions):
+    """Parameters of a sensor to simulate, which is that of a network of the user if there is one.
+
+    A network for any sensor has none.
+    """
 
     oversampling: Annotated[
         int | None,
@@ -177,6 +183,20 @@ class EvaluatedSensorOptions(SensorOptions):
     frames: Annotated[
         int | None, Parameter(alias="-t", help=f"{_FRAMES} Default: those of --model, or 1.")
     ] = None
+
+    def sensor_for(self, network: "AnyNetwork | None") -> Sensor:
+        """Return the sensor of a network, or of no network, changed by the options."""
+        kwargs = self.to_kwargs()
+        if network is not None and network.trials_range is None:
+            return network.sensor.replace(**kwargs)
+        return Sensor(**{"oversampling": 4, **kwargs})
+
+
+@Parameter(name="*", group=SENSOR_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EvaluatedSensorOptions(ModelSensorOptions):
+    """Parameters of the sensor with which a method is evaluated."""
+
     mosaic: _NoOption = None
 
 
