@@ -1,9 +1,12 @@
 """The style of figures."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
 
 INK, QUIET, MARK = "#1d2733", "#5b6876", "#e4572e"
 """Colors of titles, of secondary text, and of frames and curves."""
@@ -12,6 +15,24 @@ INK, QUIET, MARK = "#1d2733", "#5b6876", "#e4572e"
 def set_title(axes: "Axes", title: str) -> None:
     """Set the title of axes, at their left end."""
     axes.set_title(title, fontsize=11, color=INK, loc="left")
+
+
+def add_color_bar(axes: "Axes", shown: "AxesImage", **options: Any) -> None:
+    """Add a color bar to an image (H, W), which says that values lie outside of its range.
+
+    An end beyond which there are values is pointed, and the label states the lowest or the highest
+    of them.
+    """
+    values = np.ma.masked_invalid(shown.get_array()).compressed()
+    low, high = shown.get_clim()
+    outside = []
+    if values.size and values.min() < low:
+        outside.append(("min", f"down to {values.min():.3g}"))
+    if values.size and values.max() > high:
+        outside.append(("max", f"up to {values.max():.3g}"))
+    extend = "both" if len(outside) == 2 else outside[0][0] if outside else "neither"
+    bar = axes.figure.colorbar(shown, ax=axes, extend=extend, **options)
+    bar.set_label(", ".join(text for _, text in outside), color=QUIET, fontsize=8)
 
 
 def draw_absence(axes: "Axes", text: str) -> None:

@@ -282,6 +282,7 @@ def test_errors_are_those_of_the_library():
     image = made(viewed, range(48), "mle")
     levels, facts = error_levels(find_errors(image))
     known = jl.uncertainty(viewed.data, method="mle").standard_error
+    assert facts["is_exceeded"] == (known > facts["largest"]).any()
     shown = known < facts["largest"]
     np.testing.assert_allclose(
         levels[shown] * facts["largest"] / 255, known[shown], atol=facts["largest"] / 255

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.calibration.fields import CalibrationFields
 from jotlight.calibration.steadiness import Steadiness
-from jotlight.figure_style import INK, MARK, QUIET, draw_absence, set_title
+from jotlight.figure_style import INK, MARK, QUIET, add_color_bar, draw_absence, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +49,7 @@ def _image(axes: "Axes", image: npt.NDArray[np.floating], title: str, **options:
     axes.set_xticks([])
     axes.set_yticks([])
     set_title(axes, title)
-    axes.figure.colorbar(shown, ax=axes, shrink=0.75, location="bottom", pad=0.02)
+    add_color_bar(axes, shown, shrink=0.75, location="bottom", pad=0.02)
 
 
 def _dark_map(axes: "Axes", calibration: CalibrationFields) -> None:

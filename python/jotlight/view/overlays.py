@@ -141,7 +141,9 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
 
 
 def error_levels(error: npt.NDArray[np.float32]) -> tuple[Levels, dict[str, Any]]:
-    """Return standard errors in 255 levels, and the error of the highest level.
+    """Return standard errors in 255 levels, the error of the highest level, and the median.
+
+    The highest level is the 99.5th percentile, and the facts state whether errors exceed it.
 
     Of colors, the largest error counts. Pixels without data have the highest level.
 
@@ -157,4 +159,5 @@ def error_levels(error: npt.NDArray[np.float32]) -> tuple[Levels, dict[str, Any]
     largest = largest if largest > 0 else 1.0
     levels = np.rint(255 * np.clip(np.nan_to_num(error, posinf=largest) / largest, 0, 1))
     median = float(np.median(finite)) if finite.size else None
-    return levels.astype(np.uint8), {"largest": largest, "median": median}
+    facts = {"largest": largest, "is_exceeded": bool((finite > largest).any()), "median": median}
+    return levels.astype(np.uint8), facts

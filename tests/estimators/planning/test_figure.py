@@ -1,6 +1,7 @@
 import numpy as np
 
 import jotlight as jl
+from jotlight.estimators.planning.figure import draw_map
 
 
 def test_the_bound_of_one_level_of_light_is_drawn_over_the_frames():
@@ -19,3 +20,16 @@ def test_the_legend_of_a_plan_covers_no_curve():
     legend = axes.get_legend().get_window_extent()
     assert axes.get_window_extent().x1 <= legend.x0
     assert legend.x1 <= figure.bbox.x1
+
+
+def test_the_color_bar_of_a_map_says_that_values_exceed_it():
+    from jotlight.figures import Figure
+
+    image = np.ones((20, 20))
+    for value, extend, label in ((1.0, "neither", ""), (7.0, "max", "up to 7")):
+        image[3, 4] = value
+        figure = Figure(3, 3)
+        axes = figure.subplots()
+        draw_map(axes, image, "map")
+        bar = axes.images[0].colorbar
+        assert (bar.extend, bar.ax.get_ylabel()) == (extend, label)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.array_types import Array
 from jotlight.errors import counted
-from jotlight.figure_style import MARK, QUIET, set_title
+from jotlight.figure_style import MARK, QUIET, add_color_bar, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,12 +62,15 @@ def _draw_with_bound(
 
 
 def draw_map(axes: "Axes", values: npt.NDArray[np.floating], title: str) -> None:
-    """Draw a map (H, W) with a color bar. Infinite values are blank."""
+    """Draw a map (H, W) with a color bar. Infinite values are blank.
+
+    The colors end at the 99.5th percentile, and the color bar says so.
+    """
     shown = np.where(np.isfinite(values), values, np.nan)
     high = float(np.nanpercentile(shown, 99.5)) if np.isfinite(shown).any() else 1.0
     image = axes.imshow(shown, vmin=0, vmax=high or 1.0, interpolation="nearest")
     axes.set(xticks=[], yticks=[])
-    axes.figure.colorbar(image, ax=axes, shrink=0.8)
+    add_color_bar(axes, image, shrink=0.8)
     set_title(axes, title)
 
 

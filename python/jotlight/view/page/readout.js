@@ -75,7 +75,7 @@ export function showLegend(stage, header) {
 function overlayNote(kind, { bytes, header }) {
   if (header.unknown) return "unknown";
   if (kind === "jots") return jotNumbers({ bytes, header });
-  if (kind === "uncertainty") return `0 – ${format(header.largest)}`;
+  if (kind === "uncertainty") return `0 – ${format(header.largest)}${header.is_exceeded ? " or more" : ""}`;
   return String(bytes.reduce((sum, value) => sum + (value > 0 ? 1 : 0), 0));
 }
 
