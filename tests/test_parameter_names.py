@@ -47,6 +47,46 @@ def test_trainings_with_pytorch_have_the_same_message(module, call):
         train(NETWORK, [IMAGE], seed=1)
 
 
+BITS = SENSOR.expose(IMAGE, 0)
+
+OTHER_NAMES = [
+    ("level", "confidence_level", lambda **other: jl.uncertainty(BITS, **other)),
+    ("model", "method", lambda **other: jl.uncertainty(BITS, **other)),
+    ("epochs", "steps", lambda **other: jl.train(NETWORK, [IMAGE], **other)),
+    ("lr", "optimizer", lambda **other: jl.train(NETWORK, [IMAGE], **other)),
+    ("validation", "test", lambda **other: jl.train(NETWORK, [IMAGE], **other)),
+    ("batch_size", "batch", lambda **other: jl.train(NETWORK, [IMAGE], **other)),
+]
+
+
+@pytest.mark.parametrize(("other", "own", "call"), OTHER_NAMES)
+def test_names_of_parameters_in_other_libraries_get_the_name_here(other, own, call):
+    with pytest.raises(TypeError, match=f"expected {own}= for .*, got {other}=; write {own}= inst"):
+        call(**{other: 1})
+
+
+@pytest.mark.parametrize(("module", "call"), [("training", "train"), ("fine_tuning", "fine_tune")])
+@pytest.mark.parametrize(("other", "own"), [("epochs", "steps"), ("lr", "learning_rate")])
+def test_trainings_with_pytorch_know_other_names(module, call, other, own):
+    pytest.importorskip("torch")
+    train = getattr(importlib.import_module(f"jotlight.torch.{module}"), call)
+    with pytest.raises(TypeError, match=f"{call}: expected {own}= for .*, got {other}="):
+        train(NETWORK, [IMAGE], **{other: 1})
+
+
+@pytest.mark.parametrize("method", [None, "mle"])
+@pytest.mark.parametrize("name", ["model", "network"])
+def test_a_network_of_the_caller_is_the_method(name, method):
+    with pytest.raises(TypeError, match=f"{name}: .*network of your own, pass method=net"):
+        jl.reconstruct(BITS, method=method, **{name: NETWORK})
+
+
+def test_one_method_is_evaluated_and_several_are_compared():
+    message = r"expected one method, got \['mle', 'admm-tv'\]; jotlight.compare takes several"
+    with pytest.raises(TypeError, match=message):
+        jl.evaluate(["mle", "admm-tv"], [IMAGE], SENSOR)
+
+
 def test_signatures_and_other_errors_stay():
     assert list(inspect.signature(jl.Sensor.expose).parameters)[:3] == ["self", "image", "rng"]
     with pytest.raises(TypeError, match="unexpected keyword argument 'tiles'"):

@@ -23,7 +23,7 @@ def add_color_bar(axes: "Axes", shown: "AxesImage", **options: Any) -> None:
     An end beyond which there are values is pointed, and the label states the lowest or the highest
     of them.
     """
-    values = np.ma.masked_invalid(shown.get_array()).compressed()
+    values = np.ma.masked_invalid(np.ma.asanyarray(shown.get_array())).compressed()
     low, high = shown.get_clim()
     outside = []
     if values.size and values.min() < low:

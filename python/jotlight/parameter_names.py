@@ -10,9 +10,6 @@ from typing import ParamSpec, TypeVar
 T = TypeVar("T")
 P = ParamSpec("P")
 
-_SEEDS = "seed", "random_state"
-"""Names of the parameter `rng` in other libraries."""
-
 
 def nearest_names(name: str, known: Iterable[str]) -> list[str]:
     """Return the known names that an unknown one probably means, at most three.
@@ -122,28 +119,50 @@ def require_names(
     return decorate
 
 
-def takes_rng(function: Callable[P, T]) -> Callable[P, T]:
-    """Return the same function, whose error says that a seed is its parameter `rng`.
+def other_names(**meanings: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Return a decorator of functions whose errors explain names of parameters in other libraries.
+
+    Parameters
+    ----------
+    **meanings : str
+        For each other name, the parameter here, and what it is for.
 
     Examples
     --------
-    >>> @takes_rng
-    ... def draw(*, rng: int = 0) -> int:
-    ...     return rng
-    >>> draw(seed=1)
+    >>> @other_names(epochs="steps= for the length of the run")
+    ... def run(*, steps: int = 0) -> int:
+    ...     return steps
+    >>> run(epochs=3)
     Traceback (most recent call last):
       ...
-    TypeError: draw: expected rng= for a seed or a random generator, got seed=; write rng= instead
+    TypeError: run: expected steps= for the length of the run, got epochs=; write steps= instead
     """
 
-    @functools.wraps(function)
-    def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        for name in _SEEDS:
-            if name in kwargs:
-                raise TypeError(
-                    f"{function.__name__}: expected rng= for a seed or a random generator, got "
-                    f"{name}=; write rng= instead"
-                )
-        return function(*args, **kwargs)
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @functools.wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> T:
+            for name in kwargs:
+                if name in meanings:
+                    own = meanings[name].partition(" ")[0]
+                    raise TypeError(
+                        f"{function.__name__}: expected {meanings[name]}, got {name}=; write {own} "
+                        "instead"
+                    )
+            return function(*args, **kwargs)
 
-    return call
+        return call
+
+    return decorate
+
+
+_SEED = "rng= for a seed or a random generator"
+
+takes_rng = other_names(seed=_SEED, random_state=_SEED)
+"""A decorator of functions whose parameter `rng` is a seed."""
+
+other_training_names = other_names(
+    epochs="steps= for the length of the run",
+    batch_size="batch= for the number of patches of a step",
+    validation="test= for images that measure the quality during the run",
+)
+"""A decorator of trainings with the parameters `steps`, `batch`, and `test`."""

@@ -7,7 +7,7 @@ import dataclasses
 import io
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -196,6 +196,11 @@ def evaluate(
     """
     if isinstance(rng, bool) or not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
+    if isinstance(method, list | tuple | Mapping):
+        raise TypeError(
+            f"method: expected one method, got {shown(method)}; "
+            "jotlight.compare takes several, for one image"
+        )
     require_any_sensor(sensor)
     sensor = sensor.without_white_balance()  # the true images have none
     if sensor.mosaic is not None and channel_axis is None:

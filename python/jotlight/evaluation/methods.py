@@ -310,7 +310,11 @@ def option_advice(option: str, known: Iterable[str] = ()) -> str:
     --------
     >>> option_advice("qualty"), option_advice("wieght", ["weight"]), option_advice("color")
     ('did you mean quality?', 'did you mean weight?', 'leave it out')
+    >>> option_advice("model")
+    'for a network of your own, pass method=net'
     """
+    if option in ("model", "network") and option not in known:
+        return "for a network of your own, pass method=net"
     # Other functions with options do not have all of the arguments.
     names = [] if option in _ARGUMENTS else [*known, *_ARGUMENTS]
     return did_you_mean(option, names).removeprefix("; ") or "leave it out"

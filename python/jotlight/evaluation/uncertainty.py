@@ -35,6 +35,7 @@ from jotlight.evaluation.many_trials import trials_of
 from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod, Request, with_network_of_module
+from jotlight.parameter_names import other_names
 from jotlight.sensing.data.data_lists import carried_sensor
 from jotlight.sensing.data.pixel_counts import Data, GrayImages, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
@@ -43,6 +44,12 @@ EXACT_METHOD = "mle"
 """Name of the method whose intervals are exact."""
 
 
+@other_names(
+    level="confidence_level= for the coverage of the intervals",
+    confidence="confidence_level= for the coverage of the intervals",
+    model="method= for a network",
+    network="method= for a network",
+)
 def uncertainty(
     data: Data,
     sensor: Sensor | None = None,

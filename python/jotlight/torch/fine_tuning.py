@@ -17,7 +17,7 @@ from jotlight.checks import positive_number, whole_number
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.networks.stages import with_run
-from jotlight.parameter_names import takes_rng
+from jotlight.parameter_names import other_names, takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.data.pixel_counts import (
@@ -55,6 +55,11 @@ LEARNING_RATE = 5e-4
 
 # A run has many settings, each of them documented; all but the first three are keyword-only.
 @takes_rng
+@other_names(
+    epochs="steps= for the length of the run",
+    batch_size="batch= for the number of patches of a step",
+    lr="learning_rate= for the step size",
+)
 def fine_tune(
     network: Network,
     data: Bits | npt.ArrayLike,

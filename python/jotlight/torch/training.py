@@ -15,7 +15,7 @@ from jotlight.networks.network import Network
 from jotlight.networks.planes_network import ColorNetwork, FilmNetwork, PlanesNetwork
 from jotlight.networks.precision import F32
 from jotlight.networks.stages import with_run
-from jotlight.parameter_names import check_choice, takes_rng
+from jotlight.parameter_names import check_choice, other_names, other_training_names, takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.parameters.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
@@ -53,6 +53,8 @@ LEARNING_RATE = 3e-3
 
 # A run has many settings, each of them documented; all but the first three are keyword-only.
 @takes_rng
+@other_training_names
+@other_names(lr="learning_rate= for the step size")
 def train(
     network: Network,
     images: TrainingImages | PatchSource,

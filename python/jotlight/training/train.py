@@ -12,7 +12,7 @@ from jotlight.checks import check_threads, positive_number, whole_number
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
-from jotlight.parameter_names import takes_rng
+from jotlight.parameter_names import other_names, other_training_names, takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
@@ -29,6 +29,8 @@ from jotlight.training.run import Run
 
 # Keyword-only options with numpydoc documentation, so more than nine parameters are fine.
 @takes_rng
+@other_training_names
+@other_names(lr="optimizer= for the step size, as in optimizer=Adam(learning_rate=0.01)")
 def train(
     network: Network,
     images: TrainingImages,
