@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,9 @@ def add_color_bar(axes: "Axes", shown: "AxesImage", **options: Any) -> None:
     An end beyond which there are values is pointed, and the label states the lowest or the highest
     of them.
     """
-    values = np.ma.masked_invalid(np.ma.asanyarray(shown.get_array())).compressed()
+    values: npt.NDArray[np.floating] = np.ma.masked_invalid(
+        np.ma.asanyarray(shown.get_array())
+    ).compressed()
     low, high = shown.get_clim()
     outside = []
     if values.size and values.min() < low:

@@ -6,10 +6,11 @@ The functions do not use pyplot, so they change no global state and need no disp
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -54,10 +55,23 @@ def check_figure(path: Path) -> None:
         raise ValueError(f"{path}: expected a name that ends in {', '.join(FIGURES)}")
 
 
-def save_figure(figure: Figure, path: Path, *, dpi: float = 110) -> None:
-    """Write a figure in the format of its extension, completely or not at all."""
+def save_figure(
+    figure: Figure, path: Path, *, dpi: float = 110, note: Mapping[str, Any] | None = None
+) -> None:
+    """Write a figure in the format of its extension, completely or not at all.
+
+    `note` is a record of its origin, as values that JSON can hold.
+    """
+    kind = path.suffix[1:].lower()
+    options: dict[str, Any] = {}
+    if note is not None:
+        text = json.dumps(dict(note))
+        if kind in ("jpg", "jpeg"):
+            options = {"pil_kwargs": {"comment": text.encode()}}
+        else:
+            options = {"metadata": {"Subject" if kind == "pdf" else "Description": text}}
     with atomic_write(path) as temporary, open_output(temporary) as file:
-        figure.savefig(file, format=path.suffix[1:].lower(), dpi=dpi)
+        figure.savefig(file, format=kind, dpi=dpi, **options)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,7 +12,8 @@ import jotlight as jl
 from folders import file_names
 from jotlight.cli.terminal import console
 from jotlight.evaluation.methods import METHODS
-from jotlight.images.io import read_image
+from jotlight.formats.files.checksums import file_checksum
+from jotlight.images.io import read_image, read_note
 
 ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
 TITLES = {name: METHODS[name].title for name in ITERATIVE}
@@ -173,3 +174,20 @@ def test_the_sensor_is_that_of_the_model_unless_options_change_it(run, photo):
     status, output = run("compare", photo, "-m", "mle", "--model", "own.safetensors", "-t", 4)
     assert status == 1
     assert "got Sensor(oversampling=2, frames=4" in output
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg"])
+def test_the_figure_states_its_origin(run, photo, tmp_path, ending):
+    arguments = ["-m", "mle", "--gray", "--seed", 3, "-k", 2, "-o", f"figure.{ending}"]
+    assert run("compare", photo, *arguments)[0] == 0
+    note = read_note(tmp_path / f"figure.{ending}")
+    assert (note["method"], note["options"]) == (["mle"], {"seed": 3, "gray": True})
+    assert note["sensor"] == jl.Sensor(oversampling=2).scalars()
+    assert note["photograph_sha256"] == file_checksum(photo)
+    assert "seed=3, gray=True" in " ".join(run("info", f"figure.{ending}")[1].split())
+
+
+@pytest.mark.parametrize("ending", ["pdf", "svg"])
+def test_figures_of_lines_state_their_origin(run, photo, tmp_path, ending):
+    assert run("compare", photo, "-m", "mle", "-o", f"figure.{ending}")[0] == 0
+    assert b"photograph_sha256" in (tmp_path / f"figure.{ending}").read_bytes()

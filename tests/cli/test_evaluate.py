@@ -1,6 +1,7 @@
 """`jotlight evaluate`."""
 
 import csv
+import json
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.sets import read_image_set
 
 MODEL = "model.safetensors"
@@ -303,3 +305,27 @@ def test_the_precision_of_the_products_is_an_option(run, tmp_path):
         found, expected = ((tmp_path / name).read_text(encoding="utf-8") for name in names)
         assert found == expected
     assert (tmp_path / "f32.csv").read_bytes() != (tmp_path / "bf16.csv").read_bytes()
+
+
+def test_a_record_beside_the_scores_states_their_origin(run, photo_folder, model, tmp_path):
+    options = ["-o", "s.csv", "--seed", 7, "--first", 2, "--model", MODEL, "--threads", 1]
+    assert run("evaluate", photo_folder, *options)[0] == 0
+    record = json.loads((tmp_path / "s.csv.json").read_text())
+    assert record["sha256"] == file_checksum(tmp_path / "s.csv")
+    origin = record["origin"]
+    assert origin["photographs"].endswith(", 2 images")
+    assert origin["options"] == {"seed": 7, "first": 2}
+    assert (origin["method"], origin["model"]) == ("network", MODEL)
+    assert origin["weights_sha256"] == file_checksum(tmp_path / MODEL)
+    assert origin["sensor"] == SENSOR.scalars()
+    assert origin["software"] == f"jotlight {jl.__version__}"
+    shown = run("info", "s.csv")[1]
+    assert "scores" in shown
+    assert "seed=7, first=2" in shown
+
+
+def test_a_file_that_is_no_record_is_kept(run, photo_folder, tmp_path):
+    (tmp_path / "s.csv.json").write_text("{}")
+    status, output = run("evaluate", photo_folder, "-o", "s.csv", "-m", "mle")
+    assert status == 1
+    assert "s.csv.json: the record of the result belongs here" in output

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from rich.table import Table
 from jotlight.cli.options.common_options import NAMES, OWN, Gray, Model, Photo, Seed, Threads, White
 from jotlight.cli.options.method_options import split_names
 from jotlight.cli.options.sensor_options import ModelSensorOptions
+from jotlight.cli.reports.simulated_origin import simulated_origin
 from jotlight.cli.terminal.console import out, progress, report
 from jotlight.evaluation.choice import title_of
 from jotlight.evaluation.compare import COLUMNS, Comparison, default_methods
@@ -22,6 +23,7 @@ from jotlight.evaluation.request import AnyMethod
 from jotlight.evaluation.requested_method import network_name
 from jotlight.evaluation.run_methods import select_methods
 from jotlight.files import atomic_write, check_outputs
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.io import read_image
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.loading import load_image_network
@@ -77,7 +79,11 @@ def compare(
     if network is not None:
         network.check_sensor(exposed)
         selected[str(model)] = network
-    run_comparison(image, exposed, output, selected, seed=seed, threads=threads)
+    options = {"seed": seed, "gray": gray, "white": white}
+    names_of = [name if isinstance(name, str) else title for title, name in selected.items()]
+    note = simulated_origin(photo.name, exposed, names_of, model, options)
+    note["photograph_sha256"] = file_checksum(photo)
+    run_comparison(image, exposed, output, selected, note, seed=seed, threads=threads)
     if not names:
         _report_missing()
 
@@ -99,11 +105,12 @@ def run_comparison(
     sensor: Sensor,
     output: Path,
     methods: Mapping[str, AnyMethod | None],
+    note: Mapping[str, Any],
     *,
     seed: int = 0,
     threads: int | None = None,
 ) -> None:
-    """Compare methods by their titles, and write the figure and the table."""
+    """Compare methods by their titles, and write the figure, with its origin, and the table."""
     import jotlight.plots as plots
 
     plots.check_figure(output)
@@ -114,7 +121,7 @@ def run_comparison(
         )
         with progress(None) as begin:
             begin("drawing the figure")
-            plots.save_figure(found.plot(), temporary)
+            plots.save_figure(found.plot(), temporary, note=note)
     out.print(_table(found))
     report(f"Figure: {output}")
 

@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from jotlight.cli.compare import run_comparison
+from jotlight.cli.reports.simulated_origin import simulated_origin
 from jotlight.cli.terminal.console import report
 from jotlight.datasets import PHOTOGRAPHS, photograph
 from jotlight.evaluation.methods import METHODS
@@ -34,4 +35,5 @@ def demo(
     )
     # Methods with an extra package take too long for a demonstration. `jotlight compare` has them.
     names = [name for name in select_methods(sensor) if METHODS[name].required_package is None]
-    run_comparison(image, sensor, output, {METHODS[name].title: name for name in names})
+    note = simulated_origin(f"{photo} of scikit-image", sensor, names, None, {"seed": 0})
+    run_comparison(image, sensor, output, {METHODS[name].title: name for name in names}, note)

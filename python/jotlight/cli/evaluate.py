@@ -1,12 +1,15 @@
 """``jotlight evaluate``: the quality of a network or method on many images."""
 
 import contextlib
+import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.table import Table
 
+from jotlight._engine import __version__
+from jotlight.cli.captures.applied_calibration import FORMAT, check_record, record_path
 from jotlight.cli.options.common_options import (
     OWN,
     ImageKey,
@@ -19,13 +22,16 @@ from jotlight.cli.options.common_options import (
 )
 from jotlight.cli.options.method_options import one_method
 from jotlight.cli.options.sensor_options import EvaluatedSensorOptions
+from jotlight.cli.reports.simulated_origin import simulated_origin
 from jotlight.cli.terminal.console import out, progress, report
 from jotlight.errors import counted, hide_warnings
+from jotlight.evaluation.choice import OWN_NETWORK
 from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS, find_method
 from jotlight.evaluation.own_method import OwnMethod, import_method
-from jotlight.files import atomic_write, check_outputs
+from jotlight.files import atomic_write_together, check_outputs, write_file
+from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
 from jotlight.sensing.parameters.intensity_scale import MEANING
@@ -52,7 +58,12 @@ def evaluate(
     model: Model = None,
     precision: Precision = None,
     output: Annotated[
-        Path | None, Parameter(alias="-o", help="A .csv with a row for each image. Default: none.")
+        Path | None,
+        Parameter(
+            alias="-o",
+            help="A .csv with a row for each image. Its record, OUTPUT.json, lies beside it. "
+            "Default: none.",
+        ),
     ] = None,
     first: Annotated[
         int | None,
@@ -75,11 +86,15 @@ def evaluate(
         if output.suffix.lower() != ".csv":
             raise ValueError(f"{output}: expected a name that ends in .csv")
         files = list(images.iterdir()) if images.is_dir() else [images]
-        check_outputs([output], [model, *sensor.map_files(), *files])
+        check_record(record_path(output))
+        check_outputs([output, record_path(output)], [model, *sensor.map_files(), *files])
     title, run, exposed = _method(name, model, sensor)
     with contextlib.ExitStack() as stack:
-        # The file is created now, to reveal a folder that cannot be written before any work.
-        temporary = stack.enter_context(atomic_write(output)) if output is not None else None
+        # The files are created now, to reveal a folder that cannot be written before any work.
+        temporaries = []
+        if output is not None:
+            writing = atomic_write_together([output], [record_path(output)])
+            temporaries = stack.enter_context(writing)
         begin = stack.enter_context(progress(2))
         names, scenes = read_image_set(
             images,
@@ -100,12 +115,26 @@ def evaluate(
                 threads=threads,
                 progress=begin("reconstructing"),
             )
-        if temporary is not None:
-            result.write_csv(temporary)
+        if temporaries:
+            used = OWN_NETWORK if model is not None else name or DEFAULT_METHOD
+            options = {"seed": seed, "first": first, "key": key, "white": white}
+            origin = simulated_origin(
+                f"{images.resolve().name}, {counted(len(names), 'image')}",
+                *(exposed, used, model, {**options, "precision": precision}),
+            )
+            _write_scores(result, origin, *temporaries)
     report(f"{title}, {counted(len(names), 'image')}, {exposed!r}")
     out.print(_table(result))
     if output is not None:
         report(f"Scores of each image: {output}")
+
+
+def _write_scores(result: Evaluation, origin: dict[str, Any], table: Path, record: Path) -> None:
+    """Write the temporary files of a table of scores and of its record."""
+    result.write_csv(table)
+    content = {"format": FORMAT, "version": 1, "jotlight": __version__, "origin": origin}
+    content["sha256"] = file_checksum(table)
+    write_file(record, json.dumps(content, indent=2) + "\n")
 
 
 def _method(

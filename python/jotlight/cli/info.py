@@ -147,6 +147,8 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
         return video
     if not _has_capture_options(capture) and (film := film_facts(file)):
         return film
+    if ending == ".csv" and (scores := origin_facts(file)):
+        return [("kind", "scores"), *scores]
     content, origin = _content_facts(file, capture), origin_facts(file)
     if is_film(origin) and not _has_capture_options(capture):
         content[0] = ("kind", "film")

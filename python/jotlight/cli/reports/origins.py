@@ -185,7 +185,16 @@ def _note_facts(path: Path) -> Facts:
 
 
 def _origin_rows(origin: dict[str, Any]) -> Facts:
-    first = ("capture", "bytes", "frames", "window", "step", "method", "difference_to")
+    first = (
+        "capture",
+        "photographs",
+        "bytes",
+        "frames",
+        "window",
+        "step",
+        "method",
+        "difference_to",
+    )
     names = (*first, *_HOW, "software")
     facts = [
         (name.replace("_sha256", "").replace("_", " "), _text(origin[name]))
