@@ -1,5 +1,6 @@
 """The choice of method, network size, and range for a sensor."""
 
+import numpy as np
 import pytest
 
 import jotlight as jl
@@ -37,7 +38,8 @@ def test_many_trials_get_the_blend_on_held_out_bits():
 def test_a_request_is_kept(name):
     choice = choose_method(SENSOR, requested=name)
     assert choice.method == name
-    assert choice.title == METHODS[name].title
+    for_one = ", for K = 16" if name in ("network-two-layer", "network-small") else ""
+    assert choice.title == METHODS[name].title + for_one
     assert (choice.is_requested, choice.reason) == (True, "requested")
 
 
@@ -90,3 +92,19 @@ def test_any_other_range_stays(sensor, is_range_known):
     assert choice.max_intensity == sensor.max_intensity
     assert choice.saturation is None
     assert choice.notes == ()
+
+
+def test_the_title_states_that_a_network_is_for_one_k():
+    one, any_k = jl.Sensor(frames=16), jl.Sensor(frames=17)
+    assert choose_method(one, requested="network-two-layer").title.endswith(", for K = 16")
+    assert choose_method(any_k, requested="network-two-layer").title == "network, two-layer"
+    bits = one.expose(np.full((8, 8), 0.5), rng=0)
+    for options, title in (
+        ({}, "network, small, for K = 16"),
+        ({"fallback": True}, "network, small"),
+    ):
+        _, info = jl.reconstruct(bits, quality="small", return_info=True, **options)
+        assert info.title.startswith(title)
+        assert ("for K" in info.title) == ("for K" in title)
+    found = jl.compare(["network-small"], np.full((8, 8), 0.5), one)
+    assert "network, small, for K = 16" in str(found)

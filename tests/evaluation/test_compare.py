@@ -47,7 +47,7 @@ def test_a_comparison_is_a_table_in_terminals_and_notebooks():
     assert lines[1].startswith("maximum likelihood")
     assert f"{found.results[0].psnr:.2f} dB" in lines[1]
     assert len({len(line) for line in lines}) == 1
-    assert "<td>network, small</td>" in found._repr_html_()
+    assert "<td>network, small, for K = 16</td>" in found._repr_html_()
     assert len(repr(found)) < 400
 
 

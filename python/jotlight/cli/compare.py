@@ -96,7 +96,7 @@ def _select(sensor: Sensor, names: list[str]) -> dict[str, AnyMethod | None]:
             selected[name] = import_method(name)
         else:
             select_methods(sensor, [name])
-            selected[title_of(name)] = name
+            selected[title_of(name, sensor)] = name
     return selected
 
 

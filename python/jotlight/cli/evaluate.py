@@ -25,7 +25,7 @@ from jotlight.cli.options.sensor_options import EvaluatedSensorOptions
 from jotlight.cli.reports.simulated_origin import simulated_origin
 from jotlight.cli.terminal.console import out, progress, report
 from jotlight.errors import counted, hide_warnings
-from jotlight.evaluation.choice import OWN_NETWORK
+from jotlight.evaluation.choice import OWN_NETWORK, title_of
 from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS, find_method
@@ -151,7 +151,7 @@ def _method(
     named = find_method(method)
     if (reason := named.unsupported_reason(sensor)) is not None:
         raise ValueError(reason)
-    return named.title, method, sensor
+    return title_of(method, sensor), method, sensor
 
 
 def _table(result: Evaluation) -> Table:

@@ -25,7 +25,7 @@ from jotlight.cli.reconstruction.records import Records, origin_of
 from jotlight.cli.reports.advice import caution_about_motion, representatives
 from jotlight.cli.terminal.console import progress, report
 from jotlight.errors import hide_warnings
-from jotlight.evaluation.choice import FILM_NETWORK
+from jotlight.evaluation.choice import FILM_NETWORK, title_of
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.records.records import tone_facts
 from jotlight.files import atomic_write_together
@@ -100,7 +100,9 @@ def _by_film_network(job: Reconstruction) -> Reconstruction:
     if has_colors(job.captured):
         raise ValueError("recurrent: the film network is for gray films; leave it out for colors")
     FilmNetwork.check_sensor(job.captured.sensor)
-    return dataclasses.replace(job, choice=dataclasses.replace(job.choice, method=FILM_NETWORK))
+    title = title_of(FILM_NETWORK)
+    choice = dataclasses.replace(job.choice, method=FILM_NETWORK, title=title)
+    return dataclasses.replace(job, choice=choice)
 
 
 def _write(

@@ -35,15 +35,26 @@ TITLES = {
 """Names of the methods that are not in :data:`METHODS`, in tables and messages."""
 
 
-def title_of(method: str) -> str:
+def title_of(method: str, sensor: Sensor | None = None) -> str:
     """Return the name of a method in tables and messages.
+
+    With a sensor, the name states whether a pretrained network is the one for its K alone.
 
     Examples
     --------
     >>> title_of("mle"), title_of("network-color")
     ('maximum likelihood', 'network, color')
+    >>> title_of("network-two-layer", jl.Sensor(frames=16))
+    'network, two-layer, for K = 16'
+    >>> title_of("network-two-layer", jl.Sensor(frames=17))
+    'network, two-layer'
     """
-    return TITLES.get(method) or find_method(method).title
+    if method in TITLES:
+        return TITLES[method]
+    found = find_method(method)
+    if sensor is None or found.quality is None or uses_conditional(sensor, found.quality):
+        return found.title
+    return f"{found.title}, for K = {sensor.trials}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +64,8 @@ class Choice:
     method: str
     """Key of :data:`METHODS`, :data:`OWN_NETWORK`, :data:`COLOR_NETWORK`, or
     :data:`FILM_NETWORK`."""
+    title: str
+    """Name of the method in tables and messages."""
     quality: str | None
     """Size of the pretrained network to load, or None for other methods."""
     max_intensity: float
@@ -83,11 +96,6 @@ class Choice:
         """Why the method was chosen, as a text."""
         return "requested" if self.is_requested else f"recommended for {self.recommended_for}"
 
-    @property
-    def title(self) -> str:
-        """Name of the method in tables and messages."""
-        return title_of(self.method)
-
     def check_precision(self, precision: str | None, *, fallback: bool = False) -> None:
         """Check a precision, as :func:`check_precision_of` does."""
         check_precision_of(precision, self.method, self.quality, fallback=fallback)
@@ -102,6 +110,7 @@ def choose_method(
     is_color: bool = False,
     demosaicing: str | None = None,
     trials: float | None = None,
+    is_conditional: bool = False,
 ) -> Choice:
     """Return the method for some data: the requested one, or the best one for the sensor.
 
@@ -127,6 +136,8 @@ def choose_method(
     trials : float, optional
         What :func:`trials_of` returns for the sensor of the data, if this one is that of
         equivalent counts. Default: the same for this sensor.
+    is_conditional : bool
+        Whether a pretrained network is a K-conditioned one, as it falls back to other methods.
 
     Returns
     -------
@@ -179,6 +190,7 @@ def choose_method(
             )
     return Choice(
         method,
+        title_of(method, None if is_conditional else sensor),
         quality,
         max_intensity,
         has_fixed_range,

@@ -176,7 +176,7 @@ def default_methods(sensor: Sensor, *, is_color: bool) -> dict[str, str]:
     names = select_methods(sensor)
     if Request().choose(sensor, takes_colors=is_color).method == COLOR_NETWORK:
         names.append(COLOR_NETWORK)
-    return {title_of(name): name for name in names}
+    return {title_of(name, sensor): name for name in names}
 
 
 def _named_methods(methods: object, sensor: Sensor, *, is_color: bool) -> dict[str, Method]:
@@ -189,7 +189,7 @@ def _named_methods(methods: object, sensor: Sensor, *, is_color: bool) -> dict[s
     else:
         values = list(methods) if isinstance(methods, list | tuple) else [methods]
         names = [each if isinstance(each, str) else _name_of(each) for each in values]
-        titles = [title_of(name) if name in METHOD_NAMES else name for name in names]
+        titles = [title_of(name, sensor) if name in METHOD_NAMES else name for name in names]
     if not values:
         raise ValueError("methods: expected at least one, got none")
     if len(set(names)) < len(names):

@@ -169,6 +169,7 @@ class Request:
             is_color=takes_colors,
             demosaicing=self.demosaicing,
             trials=trials,
+            is_conditional=self.fallback,
         )
         choice.check_precision(self.precision, fallback=self.fallback)
         return choice
