@@ -23,7 +23,6 @@ from jotlight.errors import import_extra
 from jotlight.estimators.photon_counters.decays import TOLERANCE, Gates, decay_rates
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.values import numbers_from_zero
-from jotlight.sensing.parameters.response import inverse_detection_probability
 
 __all__ = ["decay_lifetime", "gate_dataset", "gate_detections"]
 
@@ -97,7 +96,7 @@ def gate_detections(
     dark = _of_each_count("dark_counts", _checked_dark_counts(dark_counts), ones.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         fraction = ones / readings
-        detections = inverse_detection_probability(1, fraction, 1 - fraction)
+        detections = -np.log1p(-fraction)
         error = np.sqrt(fraction / (1 - fraction) / readings)
     return detections - dark, error
 

@@ -53,7 +53,6 @@ LEARNING_RATE = 5e-4
 """Default learning rate."""
 
 
-# A run has many settings, each of them documented; all but the first three are keyword-only.
 @takes_rng
 @other_names(
     epochs="steps= for the length of the run",
