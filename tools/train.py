@@ -6,11 +6,10 @@
 The folder holds the images of the module `training_data`, and ``bsds300/test/*.jpg`` for the
 scores. Networks and cards go to ``python/jotlight/networks/weights``.
 
-The eight two-layer networks for one K take ten minutes on two cores. The others need the extra
-`torch`, and the deep ones take days. An interrupted run resumes from the last checkpoint in
-`--scratch`. `--from` skips all stages but one by Muon, which starts from the weights in a file.
-`small` starts from `templates`, `large` from `medium`, and the small networks for one K from
-`small-k16`, whose first stage it is. `medium-k16` is a comparison and goes to `--scratch`.
+The two-layer networks take ten minutes on two cores. The others need the extra `torch`, and the
+deep ones take days. An interrupted run resumes from the last checkpoint in `--scratch`. `--from`
+skips all stages but one by Muon. `small` starts from `templates`, `large` from `medium`, and small
+networks for one K from the first stage of `small-k16`. `medium-k16` goes to `--scratch`.
 """
 
 import argparse
