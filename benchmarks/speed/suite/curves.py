@@ -46,7 +46,7 @@ def _thread_axes(run: dict[str, Any]) -> Axes:
     numbers = run["threads"]
     # One of the many sensors stands for all exposures.
     tasks = [task for task in run["tasks"] if not task["name"].startswith("exposure-")]
-    lines = [Line("proportional", numbers, numbers, MUTED_COLOR, dashed=True, width=1)]
+    lines = [Line("proportional", numbers, numbers, MUTED_COLOR, style="--", width=1)]
     for index, task in enumerate(tasks):
         times = [speedup(task, number) for number in numbers]
         title = task["title"].split(",")[0] if task["name"] == "exposure" else task["title"]

@@ -15,10 +15,10 @@ use crate::error::{Error, Result};
 use crate::filter::{LANES, filter_twice};
 use crate::interrupt;
 
-/// The sides of the windows in pixels. More and larger ones blur the colors of photographs.
+/// The sides of the windows in pixels. Larger ones alone blur the colors of photographs.
 const SIDES: [usize; 2] = [5, 9];
 
-/// The largest distance of a pixel that has an influence: its window contains the window's center.
+/// The largest distance at which a pixel influences another one: both are in the same window.
 const REACH: usize = SIDES[1] - 1;
 
 /// The number of rows that one task estimates.

@@ -35,20 +35,20 @@
 //! 11. [`admm`] holds the parameters that the ADMM updates of `likelihood` and `tv` share.
 //! 12. [`vst`] computes the Anscombe transform and its inverses (section 2.2.2, equations (6) and
 //!     (7)).
+//! 13. [`color_lines`] removes the color fringes of estimates behind a mosaic.
 //!
 //! The learned network:
 //!
-//! 13. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
+//! 14. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
 //!     (11)), and computes the derivatives for training (section 3.3, equations (12) and (14) to
 //!     (19)).
 //!
 //! General modules:
 //!
-//! 14. [`error`] defines the error type.
-//! 15. [`values`] defines parameters that are either one value or one value per element.
-//! 16. [`numbers`] defines the floating-point types, and `lanes` their SIMD vectors.
-//! 17. [`filter`] blurs images.
-//! 18. [`color_lines`] removes color fringes.
+//! 15. [`error`] defines the error type.
+//! 16. [`values`] defines parameters that are either one value or one value per element.
+//! 17. [`numbers`] defines the floating-point types, and `lanes` their SIMD vectors.
+//! 18. [`filter`] blurs images.
 //! 19. [`cpu`] selects the instruction set.
 //! 20. [`threads`] runs calls on a number of threads, and interrupts them.
 //! 21. [`roofline`] measures the peak speed of the processor for the benchmarks.

@@ -6,17 +6,18 @@ import jotlight._engine as engine
 from jotlight.array_types import Image
 from jotlight.sensing.parameters.mosaic import Mosaic
 
-_KEPT = 0.5
-"""How much of the light behind each pixel's filter is kept. Otherwise, the light of all three
-colors is kept. With few bits, this has the smaller error, and with many bits, the former."""
+_TAKEN_BACK = 0.5
+"""Lines keep the light of all colors together, but change the part that passes the pixel's own
+filter. This fraction of the change is taken back. 0 is best for photographs with few bits, and 1
+for text."""
 
 
 def remove_fringes(colors: Image, mosaic: Mosaic, threads: int | None) -> Image:
     """Return colors whose differences follow the light of their neighborhood, (3, H, W).
 
-    Behind a mosaic, each pixel sees a part of the colors only. So thin strokes have colors that
-    they lack: fringes. Where two colors meet, all mixtures lie on a line between both, which
-    neighboring pixels state together.
+    Behind a mosaic, each pixel sees a part of the colors only. So thin strokes get wrong
+    colors: fringes. Where two colors meet, all mixtures of them lie on a line between both, and
+    neighboring pixels together show this line.
 
     Parameters
     ----------
@@ -42,5 +43,5 @@ def remove_fringes(colors: Image, mosaic: Mosaic, threads: int | None) -> Image:
     engine.color_lines(source, found, threads)
     shares = mosaic.transmission / mosaic.sensitivity[:, None]
     behind = shares.astype(np.float32)[mosaic.full(*source.shape[1:])]
-    found += _KEPT * np.einsum("chw,hwc->hw", source - found, behind)
+    found += _TAKEN_BACK * np.einsum("chw,hwc->hw", source - found, behind)
     return found

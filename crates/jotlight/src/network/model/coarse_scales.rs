@@ -31,9 +31,10 @@ const FEW: f64 = 3.0;
 /// The smallest height and width of an image, in pixels, that has squares.
 const MIN_SIDE: usize = 32;
 
-/// The smallest intensity at which the information is evaluated, and the smallest rate.
+/// The smallest intensity at which the information is evaluated.
 const MIN_INTENSITY: f64 = 1e-12;
-/// See [`MIN_INTENSITY`].
+
+/// The smallest rate at which the information is evaluated.
 const MIN_RATE: f64 = 1e-150;
 
 impl SensorModel {
