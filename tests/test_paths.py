@@ -38,6 +38,7 @@ def test_the_current_folder_has_a_name(tmp_path, monkeypatch):
     assert as_path("../0.png", "open(path)").parts == ("..", "0.png")
 
 
+@pytest.mark.slow
 def test_every_function_takes_the_home_folder(tmp_path, monkeypatch):
     home = tmp_path / "home"
     home.mkdir()

@@ -29,6 +29,7 @@ def test_bits_of_another_sensor_are_refused(name, options, message):
             calibrate(**captures)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("calibrate", [jl.calibrate, lambda *a, **b: lazy(*a, **b).compute()])
 @pytest.mark.parametrize("options", [{}, {"threshold": 2}])
 def test_the_threshold_of_the_bits_is_taken(calibrate, options):

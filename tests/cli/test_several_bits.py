@@ -113,6 +113,7 @@ def test_what_needs_single_bits_says_so(run, photo, arguments, message):
     assert message in text
 
 
+@pytest.mark.slow
 def test_plans_take_bits_and_read_noise(run):
     status, text = run("plan", "0.1:2", "-t", 4, "--bit-depth", 3, "--read-noise", 0.3)
     assert status == 0

@@ -37,6 +37,7 @@ def assert_equals_reconstruct(bits, window, step, **options):
     return estimates
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mosaic", "options"),
     [

@@ -221,6 +221,7 @@ def test_dark_and_saturated_pixels_are_at_the_ends():
     assert jl.mle(merged).tolist() == [[0.0, 2.0]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dead_time", "light", "gain"),
     [(0.2, 200.0, 11), (0.2, 20.0, 5), (1.0, 3.0, 11), (0.02, 1000.0, -0.1)],

@@ -74,6 +74,7 @@ def test_mostly_saturated_readings_of_two_bits_are_hardly_too_dark(frames, photo
     assert estimate.mean() == pytest.approx(truth.mean(), rel=largest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sensor",
     [
@@ -236,6 +237,7 @@ def test_networks_serve_maps_whose_neighbors_say_very_different_amounts():
     assert network > classical > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "bias"),
     [

@@ -76,6 +76,7 @@ METHODS_OF_COUNTS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 @pytest.mark.parametrize(("kind", "method"), METHODS_OF_COUNTS)
 def test_frames_that_are_counted_are_not_read_again(kind, method):

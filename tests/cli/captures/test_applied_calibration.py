@@ -59,6 +59,7 @@ def test_a_calibration_of_the_whole_sensor_asks_for_the_same_region(run):
     assert "opened in the same way (--rotate, --flip, --width, --region)" in printed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "expected"),
     [

@@ -240,6 +240,7 @@ def test_a_file_that_is_not_a_record_is_not_replaced(run, captures):
     assert not Path("c.npy").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*has no place for the sensor")
 @pytest.mark.parametrize("output", ["c.npy", "c.h5", "c.zarr", "c.tif", "folder"])
 @pytest.mark.parametrize("many", [False, True])

@@ -59,6 +59,7 @@ def test_captures_that_fail_print_no_notes(run, captures):
     assert len(out.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_windows_and_captures_of_a_moving_scene_are_blurred(run, tmp_path):
     save_moving(tmp_path / "moving.npy", "fast")
     save_moving(tmp_path / "still.npy", "static")

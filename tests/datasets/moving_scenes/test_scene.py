@@ -34,6 +34,7 @@ ALIKE = "two", "five", "small", "spin", "parallax"
 """Motions of which the fast tests have similar ones."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "motion",
     [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in MOTIONS],

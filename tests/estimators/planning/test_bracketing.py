@@ -76,6 +76,7 @@ def test_the_bound_of_one_gain_and_threshold_is_that_of_plan():
     np.testing.assert_allclose(snr_bound(sensor, expected.light), expected.snr_bound[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strongest", [0.5, 1.0])
 def test_the_most_responsive_jot_does_not_change_a_bracket(strongest):
     sensors = [

@@ -34,6 +34,7 @@ def test_a_bright_scene_is_reported(method):
     assert (estimate == 1).mean() > 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sensor",
     [
@@ -111,6 +112,7 @@ def draw_stars(rng=0):
     return scene, STARS.expose(scene, rng=rng).counts()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [None, "mle", "network-medium", "admm-tv"])
 def test_the_middle_of_a_star_is_reported(method):
     scene, counts = draw_stars()
@@ -120,6 +122,7 @@ def test_the_middle_of_a_star_is_reported(method):
     assert (int(number), size) == (((scene > 1.3).sum()), "4,096")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*brighter than the largest intensity")
 @pytest.mark.parametrize("method", [None, "mle", "network-medium", "admm-tv"])
 def test_the_middle_of_a_star_counts_as_saturated(method):

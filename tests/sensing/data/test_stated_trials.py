@@ -13,6 +13,7 @@ SENSORS = [
 SCENE = np.linspace(0.1, 0.9, 256).reshape(16, 16)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", SENSORS, ids=["thresholds", "read noise"])
 @pytest.mark.parametrize("trials", [64, 16, np.full((16, 16), 16.0)])
 def test_counts_with_their_trials_are_estimated_as_their_bits(sensor, trials):

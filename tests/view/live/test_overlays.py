@@ -12,6 +12,7 @@ from streams import ask, connected, read, read_until
 from view_servers import serving
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["mle", "network-small"])
 def test_overlays_follow_the_newest_frames(tmp_path, method):
     path = tmp_path / "a.bin"
