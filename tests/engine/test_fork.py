@@ -71,6 +71,22 @@ def use():
     assert network.reconstruct(counts, sensor, threads=2).shape == counts.shape
 """
 
+# Each call prepares another threshold, so the threads do little else.
+THRESHOLDS = """
+import itertools
+from jotlight.estimators.inverse_response import intensity_from_probability
+
+probability = np.full((4, 4), 0.1, np.float32)
+thresholds = itertools.count(3000)
+
+def renew(round):
+    pass
+
+def use():
+    sensor = jl.Sensor(threshold=next(thresholds))
+    assert intensity_from_probability(probability, sensor, 1).shape == probability.shape
+"""
+
 # SciPy's transforms in ADMM use a pool of threads, which a fork stops and starts again.
 ADMM = """
 sensor = jl.Sensor(oversampling=2, frames=4)
@@ -84,7 +100,11 @@ def use():
 """
 
 
-@pytest.mark.parametrize(("setup", "rounds"), [(ENGINE, 80), (ADMM, 60)], ids=["engine", "ADMM"])
+@pytest.mark.parametrize(
+    ("setup", "rounds"),
+    [(ENGINE, 80), (THRESHOLDS, 10), (ADMM, 60)],
+    ids=["engine", "thresholds", "ADMM"],
+)
 def test_calls_survive_forks_in_the_parent_and_the_child(setup, rounds):
     program = PROGRAM.format(setup=setup, rounds=rounds)
     done = subprocess.run(

@@ -80,6 +80,7 @@ pub mod filter;
 mod images;
 mod interrupt;
 pub mod joint;
+mod kept;
 mod lanes;
 pub mod likelihood;
 mod memory;

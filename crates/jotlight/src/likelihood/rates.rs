@@ -1,8 +1,9 @@
 //! The rates of many detection probabilities for a threshold above 1, from a table.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use super::Threshold;
+use crate::kept::Kept;
 
 /// The distance of neighboring nodes. The interpolated rates have a relative error below 2e-9,
 /// which is far less than the rounding of an `f32`.
@@ -14,9 +15,6 @@ const FIRST: f64 = -104.0;
 /// The number of intervals. The largest `f32` below 1 has the logit 16.6.
 const INTERVALS: usize = 121 * 16;
 
-/// The number of tables that are kept for further calls.
-const KEPT: usize = 4;
-
 /// The logarithm of the rate P⁻¹(q, p) as a cubic function of the logit log(p / (1 − p)) in each
 /// interval of a table.
 ///
@@ -26,22 +24,12 @@ pub(crate) struct Rates {
     nodes: Vec<[f64; 2]>,
 }
 
-static TABLES: Mutex<Vec<(u32, Arc<Rates>)>> = Mutex::new(Vec::new());
+static TABLES: Kept<Rates> = Kept::new();
 
 impl Rates {
     /// Return the table of a threshold above 1. Tables of the last thresholds are kept.
     pub(crate) fn of(threshold: &Threshold) -> Arc<Self> {
-        let mut tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
-        let photons = threshold.photons();
-        if let Some((_, table)) = tables.iter().find(|(of, _)| *of == photons) {
-            return Arc::clone(table);
-        }
-        let table = Arc::new(Self::new(threshold));
-        if tables.len() == KEPT {
-            tables.remove(0);
-        }
-        tables.push((photons, Arc::clone(&table)));
-        table
+        TABLES.get(threshold.photons(), || Self::new(threshold))
     }
 
     fn new(threshold: &Threshold) -> Self {
@@ -117,8 +105,8 @@ mod tests {
     }
 
     #[test]
-    fn tables_are_kept_and_replaced() -> Result<()> {
-        for photons in [2, 3, 4, 5, 6, 7, 2] {
+    fn each_threshold_has_its_table() -> Result<()> {
+        for photons in [2, 3, 2] {
             let threshold = Threshold::new(photons)?;
             let (first, second) = (Rates::of(&threshold), Rates::of(&threshold));
             assert_eq!(first.nodes, second.nodes);

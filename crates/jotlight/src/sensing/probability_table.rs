@@ -4,9 +4,10 @@
 //! draws that are close to the value of the table. The threshold 1 needs no table, because a short
 //! polynomial approximates its exponential function.
 
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::Arc;
 
 use crate::cpu::levels;
+use crate::kept::Kept;
 use crate::likelihood::Threshold;
 use crate::numbers::Real;
 
@@ -31,21 +32,7 @@ pub(super) struct ProbabilityTable {
 /// `index % ENTRIES` is a single operation, which makes a bounds check unnecessary.
 const ENTRIES: usize = 1 << 14;
 
-/// Tables with their thresholds.
-type Tables = Vec<(u32, Arc<ProbabilityTable>)>;
-
-/// The tables of the last thresholds.
-static TABLES: Mutex<Tables> = Mutex::new(Vec::new());
-
-const MAX_TABLES: usize = 8;
-
-/// Return the list of tables, unless another thread uses it now.
-///
-/// Nobody may wait for the list: if the process forks while a thread uses it, the child never gets
-/// it. The child then computes its tables itself.
-fn shared_tables() -> Option<MutexGuard<'static, Tables>> {
-    TABLES.try_lock().ok()
-}
+static TABLES: Kept<ProbabilityTable> = Kept::new();
 
 impl ProbabilityTable {
     /// The number of entries over which P would rise from 0 to 1 at its maximum slope.
@@ -60,20 +47,7 @@ impl ProbabilityTable {
 
     /// Return the table of a threshold. Later calls reuse it.
     pub fn shared(threshold: Threshold) -> Arc<Self> {
-        let photons = threshold.photons();
-        let is_known = |(q, _): &&(u32, Arc<Self>)| *q == photons;
-        let known = shared_tables().and_then(|tables| tables.iter().find(is_known).cloned());
-        if let Some((_, table)) = known {
-            return table;
-        }
-        let table = Arc::new(Self::new(threshold));
-        if let Some(mut tables) = shared_tables() {
-            if tables.len() == MAX_TABLES {
-                tables.remove(0);
-            }
-            tables.push((photons, Arc::clone(&table)));
-        }
-        table
+        TABLES.get(threshold.photons(), || Self::new(threshold))
     }
 
     fn new(threshold: Threshold) -> Self {
