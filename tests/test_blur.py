@@ -24,6 +24,12 @@ def test_blurred_images_are_those_of_scipy_for_any_number_of_threads(level, shap
     np.testing.assert_array_equal(found[1], found[0])
 
 
+@pytest.mark.parametrize("shape", [(0, 4, 5), (2, 0, 5), (2, 4, 0)])
+def test_images_without_pixels_stay(shape):
+    images = np.empty(shape, np.float32)
+    engine.blur(images, 1.0, images.copy(), None)
+
+
 def test_a_filter_of_a_wrong_width_or_shape_is_refused():
     images = np.zeros((2, 4, 4), np.float32)
     for sigma in (0.0, -1.0, np.nan, 101.0):

@@ -7,7 +7,7 @@
 //! the mean over the windows that contain it (K. He, J. Sun, X. Tang, "Guided image filtering", IEEE
 //! TPAMI 35(6), 2013). Windows whose colors deviate less from their lines count more.
 
-use ndarray::{ArrayView3, ArrayViewMut3, Axis};
+use ndarray::{ArrayView3, ArrayViewMut3, Axis, Zip};
 use rayon::prelude::*;
 
 use crate::border::mirror_index;
@@ -32,14 +32,15 @@ const SLOPE_NOISE: f32 = 4e-4;
 /// which windows count less.
 const DEVIATION: f32 = 1e-3;
 
-/// The range of these variances. Their third powers are finite.
+/// The smallest sum of these variances, relative to the squared unit. Its third power is above 0.
 const MIN_VARIANCE: f32 = 1e-11;
-const MAX_VARIANCE: f32 = 1e11;
 
-/// The smallest variance of the light by which is divided.
+/// The smallest variance of the light by which is divided, relative to the squared unit.
 const MIN_LIGHT_VARIANCE: f32 = 1e-20;
 
 /// Write red, green, and blue `(3, H, W)` on lines into `out`. The light Y of each pixel is kept.
+///
+/// The unit of the colors does not matter: twice the colors have twice the result.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes differ or do not have three colors.
@@ -68,20 +69,42 @@ pub fn color_lines(colors: ArrayView3<'_, f32>, mut out: ArrayViewMut3<'_, f32>)
     if out.dim() != colors.dim() {
         return Err(Error::shape("output", colors.dim(), out.dim()));
     }
+    if out.is_empty() {
+        return Ok(());
+    }
+    let unit = unit_of(colors);
     let bands: Vec<_> = out.axis_chunks_iter_mut(Axis(1), ROWS_PER_TASK).collect();
     bands.into_par_iter().enumerate().for_each(|(band, out)| {
         if !interrupt::is_requested() {
-            estimate_band(colors, band * ROWS_PER_TASK, out);
+            estimate_band(colors, unit, band * ROWS_PER_TASK, out);
         }
     });
     Ok(())
 }
 
+/// Return the unit of colors: the power of 2 that is at least their largest absolute value.
+///
+/// It scales all numbers exactly. In this unit, variances and their third powers are finite.
+fn unit_of(colors: ArrayView3<'_, f32>) -> f32 {
+    let largest = |peak: f32, &color: &f32| peak.max(color.abs());
+    let peak = Zip::from(colors).par_fold(|| 0.0, largest, f32::max);
+    // Adding the largest mantissa raises the exponent of all numbers but powers of 2.
+    let (mantissa, exponent) = (0x007f_ffff, 0x7f80_0000);
+    let power = f32::from_bits((peak.to_bits() + mantissa) & exponent);
+    // The inverses of both limits are normal numbers.
+    power.clamp(f32::MIN_POSITIVE, 1.0 / f32::MIN_POSITIVE)
+}
+
 /// Write the rows of a band into `out`. `first` is its first row in the image.
-fn estimate_band(colors: ArrayView3<'_, f32>, first: usize, mut out: ArrayViewMut3<'_, f32>) {
+fn estimate_band(
+    colors: ArrayView3<'_, f32>,
+    unit: f32,
+    first: usize,
+    mut out: ArrayViewMut3<'_, f32>,
+) {
     let (_, rows, width) = out.dim();
     let stride = width.next_multiple_of(LANES);
-    let near = Near::read(colors, first, rows, stride);
+    let near = Near::read(colors, unit, first, rows, stride);
     let mut sums = Sums::new(rows * stride);
     for side in SIDES {
         near.add_windows(side, rows, width, &mut sums);
@@ -95,14 +118,14 @@ fn estimate_band(colors: ArrayView3<'_, f32>, first: usize, mut out: ArrayViewMu
                 share * (sums.slopes[color][at] * light[column] + sums.offsets[color][at])
             });
             let light = light[column];
-            out[(0, row, column)] = light + red;
-            out[(1, row, column)] = light - 0.5 * (red + blue);
-            out[(2, row, column)] = light + blue;
+            out[(0, row, column)] = unit * (light + red);
+            out[(1, row, column)] = unit * (light - 0.5 * (red + blue));
+            out[(2, row, column)] = unit * (light + blue);
         }
     }
 }
 
-/// A band of rows with [`REACH`] rows before and after.
+/// A band of rows with [`REACH`] rows before and after, in the unit of the colors.
 struct Near {
     /// The light Y of each pixel.
     light: Vec<f32>,
@@ -112,14 +135,22 @@ struct Near {
 }
 
 impl Near {
-    fn read(colors: ArrayView3<'_, f32>, first: usize, rows: usize, stride: usize) -> Self {
+    fn read(
+        colors: ArrayView3<'_, f32>,
+        unit: f32,
+        first: usize,
+        rows: usize,
+        stride: usize,
+    ) -> Self {
+        let scale = 1.0 / unit;
         let (_, height, width) = colors.dim();
         let mut light = vec![0.0; (rows + 2 * REACH) * stride];
         let mut differences = [light.clone(), light.clone()];
         for row in 0..rows + 2 * REACH {
             let source = mirror_index((first + row) as isize - REACH as isize, height);
             for column in 0..width {
-                let [red, green, blue] = [0, 1, 2].map(|color| colors[(color, source, column)]);
+                let [red, green, blue] =
+                    [0, 1, 2].map(|color| scale * colors[(color, source, column)]);
                 let at = row * stride + column;
                 light[at] = 0.25 * (red + blue) + 0.5 * green;
                 differences[0][at] = red - light[at];
@@ -166,7 +197,7 @@ impl Near {
             let slope_variance = variance + SLOPE_NOISE * square + MIN_LIGHT_VARIANCE;
             let found = [0, 1].map(|color| moments[color].line(at, light[at], slope_variance));
             let deviation = found[0].variance + found[1].variance + DEVIATION * square;
-            let weight = deviation.clamp(MIN_VARIANCE, MAX_VARIANCE).powi(-3);
+            let weight = deviation.max(MIN_VARIANCE).powi(-3);
             lines.weights[at] = weight;
             for (color, line) in found.into_iter().enumerate() {
                 lines.slopes[color][at] = weight * line.slope;

@@ -160,6 +160,9 @@ pub fn blur(
         return Err(Error::shape("output", images.dim(), out.dim()));
     }
     let taps = gaussian(sigma)?;
+    if out.is_empty() {
+        return Ok(());
+    }
     let stride = images.dim().2.next_multiple_of(LANES);
     let filter_band = |image, first, mut out: ArrayViewMut2<'_, f32>| {
         if interrupt::is_requested() {

@@ -52,7 +52,7 @@ def test_lines_are_those_of_numpy_for_any_number_of_threads(level, shape):
     np.testing.assert_array_equal(found[1], found[0])
 
 
-@pytest.mark.parametrize("scale", [0.0, 1e-6, 1e12])
+@pytest.mark.parametrize("scale", [0.0, 1e-6, 1e12, 1e37])
 def test_lines_of_extreme_colors_are_finite_and_keep_the_light(scale):
     colors = np.random.default_rng(0).random((3, 40, 30), np.float32) * np.float32(scale)
     found = np.empty_like(colors)
@@ -60,6 +60,23 @@ def test_lines_of_extreme_colors_are_finite_and_keep_the_light(scale):
     red, green, blue = found - colors
     np.testing.assert_allclose(red + 2 * green + blue, 0, atol=1e-6 * scale)
     assert np.abs(found).max() <= 3 * scale
+
+
+@pytest.mark.parametrize("exponent", [-90, -20, 20, 90])
+def test_the_unit_of_the_colors_does_not_matter(exponent):
+    colors = np.random.default_rng(0).random((3, 40, 30), np.float32)
+    colors[:, :, 10:20] *= np.float32(1e-4)  # dark pixels
+    scaled = np.ldexp(colors, exponent)
+    found, of_scaled = np.empty((2, *colors.shape), np.float32)
+    engine.color_lines(colors, found, None)
+    engine.color_lines(scaled, of_scaled, None)
+    np.testing.assert_array_equal(of_scaled, np.ldexp(found, exponent))
+
+
+@pytest.mark.parametrize("shape", [(0, 5), (5, 0), (0, 0)])
+def test_images_without_pixels_have_lines_without_pixels(shape):
+    colors = np.empty((3, *shape), np.float32)
+    engine.color_lines(colors, colors.copy(), None)
 
 
 def test_mixtures_of_two_colors_stay_and_other_colors_between_them_are_fringes():
