@@ -29,6 +29,13 @@ def test_counts_among_no_bits_are_refused():
         NETWORK.equivalent_counts(counts, [0], [16], MODEL, places(1), None)
 
 
+def test_negative_equivalent_counts_are_refused():
+    counts = np.full((1, 8, 8), 4, np.float32)
+    counts[0, 5, 7] = -0.5
+    with pytest.raises(ValueError, match=r"counts: expected finite numbers .*, got -0\.5"):
+        NETWORK.equivalent_counts(counts, [16], [16], MODEL, places(1), None)
+
+
 @pytest.mark.parametrize("count", [30, -3])
 def test_a_count_that_does_not_fit_the_trials_is_named(count):
     counts = np.full((1, 20, 20), 4, np.int32)

@@ -74,6 +74,14 @@ def test_bright_probabilities_stay_as_they_are():
     np.testing.assert_array_equal(match_dark_regions(p, p, 16, 3), p)
 
 
+@pytest.mark.parametrize("wrong", [-0.01, np.nan, np.inf])
+def test_fractions_that_are_negative_or_not_finite_are_refused(wrong):
+    p, fraction = np.full((8, 8), 1e-4, np.float32), np.zeros((8, 8), np.float32)
+    fraction[3, 5] = wrong
+    with pytest.raises(ValueError, match="fractions: expected finite numbers of at least 0"):
+        match_dark_regions(p, fraction, 16, 3)
+
+
 def test_the_largest_threshold_causes_no_overflow():
     p = np.full((8, 8), 1e-4, np.float32)
     found = match_dark_regions(p, np.zeros((8, 8), np.float32), 16, 65_535)

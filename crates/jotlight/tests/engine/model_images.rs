@@ -46,11 +46,11 @@ fn images_of_different_sizes_may_share_a_map_of_trials() -> Result<()> {
 }
 
 #[test]
-fn equivalent_counts_that_are_not_finite_are_refused() -> Result<()> {
+fn equivalent_counts_that_are_negative_or_not_finite_are_refused() -> Result<()> {
     let network = network()?;
     let reconstruction = network.prepare(sensor(4, 1.0)?)?;
     let trials = ArcArray::from_shape_fn((9, 12), |(row, _)| (1 + 9 * row) as f32);
-    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+    for value in [-1e-3, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let mut data = counts(9);
         data[[3, 5]] = value;
         let different = equivalent(&data, &trials);

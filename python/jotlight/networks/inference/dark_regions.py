@@ -46,15 +46,20 @@ def match_dark_regions(
     Parameters
     ----------
     probability : ndarray of float32, shape (H, W)
-        Probabilities by a network.
+        Probabilities by a network. Those below 0 count as 0.
     fraction : ndarray of float32, shape (H, W)
-        Fractions of ones.
+        Fractions of ones, finite and at least 0.
     trials : int or ndarray of float32, shape (H, W)
         The local number of trials.
     threshold : int
         The threshold q.
     threads : int, optional
         The number of threads. Default: the number of cores.
+
+    Raises
+    ------
+    ValueError
+        When a fraction is not finite or below 0, or the shapes do not match.
 
     Examples
     --------

@@ -25,6 +25,7 @@ use ndarray::{ArcArray, Array2, ArrayView2, Axis, Ix2, Zip};
 
 use super::SensorModel;
 use super::local_trials::{LocalTrials, extremes};
+use super::pixels::check_ones;
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::likelihood::Threshold;
@@ -57,10 +58,12 @@ impl SensorModel {
 
 /// Return probabilities of a one whose means in dark regions are those of the bits.
 ///
-/// `fractions` are the fractions of ones, and `trials` their local trials.
+/// `fractions` are the fractions of ones, finite numbers of at least 0, and `trials` their local
+/// trials. Probabilities below 0 count as 0.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes do not match.
+/// [`Error::Shape`] if the shapes do not match. [`Error::Range`] for fractions that are not finite or
+/// below 0.
 ///
 /// # Examples
 /// ```
@@ -86,6 +89,7 @@ pub fn match_dark_regions(
         return Err(Error::shape("fractions", shape, fractions.dim()));
     }
     trials.check_shape(shape)?;
+    check_ones("fractions", fractions)?;
     if f64::from(extremes(probabilities).0) >= DARK {
         return Ok(probabilities.to_owned());
     }
@@ -230,6 +234,22 @@ mod tests {
         let threshold = Threshold::new(Threshold::MAX_PHOTONS)?;
         let found = match_dark_regions(p.view(), none.view(), &LocalTrials::Same(16), threshold)?;
         assert!(found.iter().all(|&p| (0.0..1e-4).contains(&p)));
+        Ok(())
+    }
+
+    #[test]
+    fn fractions_that_are_negative_or_not_finite_are_refused() -> Result<()> {
+        let (same, threshold) = (LocalTrials::Same(4), Threshold::new(2)?);
+        for p in [1e-3, 0.5] {
+            let p = Array2::from_elem((4, 5), p);
+            for wrong in [-1e-3, f32::NAN, f32::INFINITY] {
+                let mut fractions = Array2::zeros((4, 5));
+                fractions[[2, 3]] = wrong;
+                let found = match_dark_regions(p.view(), fractions.view(), &same, threshold);
+                let expected = "finite numbers of at least 0; replace those below it with 0";
+                assert_eq!(found, Err(Error::range("fractions", expected, wrong)));
+            }
+        }
         Ok(())
     }
 

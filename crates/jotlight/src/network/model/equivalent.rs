@@ -23,8 +23,8 @@ impl Reconstruction<'_> {
     ///
     /// # Errors
     /// [`Error::Shape`] if the shapes do not match, or the rows of an image of `out` are not
-    /// contiguous. [`Error::Range`] for counts that are not finite, trials that are not above 0,
-    /// different trials for networks for one K, and networks that weigh each jot of a pixel.
+    /// contiguous. [`Error::Range`] for counts that are not finite or below 0, trials that are not
+    /// above 0, different trials for networks for one K, and networks that weigh each jot of a pixel.
     pub fn equivalent_counts(
         &self,
         images: &[EquivalentCounts<'_>],

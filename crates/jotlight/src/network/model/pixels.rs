@@ -22,7 +22,7 @@ pub struct Pixels<'a> {
 /// ([`super::SensorModel::jot`]), with the dark counts for which the network was made.
 #[derive(Clone, Debug)]
 pub struct EquivalentCounts<'a> {
-    /// The counts, which need not be whole.
+    /// The counts: finite numbers of at least 0, which need not be whole.
     pub counts: ArrayView2<'a, f32>,
     /// The number of bits of which these counts are the ones.
     pub of: u32,
@@ -36,9 +36,7 @@ impl EquivalentCounts<'_> {
         if self.of == 0 {
             return Err(Error::range("of", "numbers of bits above 0", 0));
         }
-        if let Some(count) = self.counts.iter().find(|count| !count.is_finite()) {
-            return Err(Error::range("counts", "finite numbers", count));
-        }
+        check_ones("counts", self.counts)?;
         if out.dim() != self.counts.dim() || !out.is_standard_layout() {
             return Err(Error::layout(self.counts.dim(), out.dim(), out.strides()));
         }
@@ -53,4 +51,14 @@ impl EquivalentCounts<'_> {
         let (of, level) = (self.of as f32, level as f32);
         self.counts.mapv(|count| count / of * level).into()
     }
+}
+
+/// Check that counts or fractions of ones are finite and at least 0.
+pub(super) fn check_ones(what: &'static str, ones: ArrayView2<'_, f32>) -> Result<()> {
+    let is_wrong = |ones: &&f32| !(ones.is_finite() && **ones >= 0.0);
+    if let Some(wrong) = ones.iter().find(is_wrong) {
+        let expected = "finite numbers of at least 0; replace those below it with 0";
+        return Err(Error::range(what, expected, wrong));
+    }
+    Ok(())
 }
