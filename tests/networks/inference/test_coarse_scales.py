@@ -92,10 +92,11 @@ def test_counts_of_squares_are_those_of_a_loop(shape, threshold):
     sensor = jl.Sensor(frames=9, threshold=threshold)
     pixels = PixelCounts(sensor, counts, trials, efficiency, dark, False)
     found = counts_of_squares(pixels, [0, 1], None)
+    assert list(found) == [0, 1]
     assert found[0].sensor == sensor_of_squares(sensor)
     assert found[0].sensor.light_per_intensity == sensor.light_per_intensity
     rows, columns = (np.minimum(np.arange(n + n % 2), n - 1).reshape(-1, 2) for n in shape)
-    for image, merged in enumerate(found):
+    for image, merged in found.items():
         for y, x in np.ndindex(merged.shape):
             square = np.ix_([image], rows[y], columns[x])
             number = trials[square].sum()
@@ -118,8 +119,27 @@ def test_squares_of_many_dark_counts_have_finite_ones():
 def test_pixels_alike_have_squares_alike():
     counts = np.ones((1, 4, 4), np.int32)
     pixels = PixelCounts(jl.Sensor(frames=3), counts, 3.0, 0.5, 0.1, False)
-    (merged,) = counts_of_squares(pixels, [0], None)
+    merged = counts_of_squares(pixels, [0], None)[0]
     assert (merged.trials, merged.efficiency, merged.dark_counts) == (12.0, 0.5, 0.1)
+
+
+def test_images_whose_squares_may_exceed_an_int32_are_left_out():
+    counts = np.ones((2, 4, 4), np.int32)
+    counts[1] = 2**29
+    pixels = PixelCounts(jl.Sensor(frames=3), counts, 1e10, 0.5, 0.1, False)
+    assert list(counts_of_squares(pixels, [0, 1], None)) == [0]
+    counts[1] -= 1
+    assert counts_of_squares(pixels, [1], None)[1].ones.max() == 2**31 - 4
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_so_many_trials_that_squares_cannot_be_counted_have_an_image(alike):
+    sensor = jl.Sensor(frames=2**29, gain=0.5)
+    counts = np.random.default_rng(0).poisson(0.25, (32, 32)).astype(np.int32)
+    dark_counts = 0.0 if alike else np.linspace(0, 1e-11, 1024).reshape(32, 32)
+    merged = jl.Merged(counts, float(sensor.trials), sensor, dark_counts=dark_counts)
+    found = jl.reconstruct(merged, quality="small")
+    assert ((found >= 0) & (found <= 1)).all()
 
 
 @pytest.mark.parametrize("threshold", [1, 3])

@@ -2,7 +2,9 @@
 
 use jotlight::bits::PackedBits;
 use jotlight::error::{Error, Result};
-use jotlight::network::{EquivalentCounts, LocalTrials, Network, Served};
+use jotlight::mle::JotResponses;
+use jotlight::network::{EquivalentCounts, LocalTrials, Network, Pixels, Served};
+use jotlight::values::Values;
 use ndarray::{ArcArray, Array2, Array3, ArrayViewMut2, Ix2, s};
 
 use crate::model::{identity, sensor};
@@ -64,6 +66,26 @@ fn equivalent_counts_that_are_negative_or_not_finite_are_refused() -> Result<()>
             assert!(matches!(found, Err(Error::Range { what: "counts", .. })));
         }
     }
+    Ok(())
+}
+
+#[test]
+fn an_image_whose_squares_have_too_many_ones_has_none() -> Result<()> {
+    let network = network()?;
+    let reconstruction = network.prepare(sensor(4, 1e-12)?)?;
+    let counts = Array2::from_elem((32, 40), i32::MAX / 2);
+    let pixels = Pixels {
+        counts: counts.view(),
+        trials: Values::Same(1e11),
+        jots: JotResponses {
+            efficiency: Values::Same(0.8),
+            dark_counts: Values::Same(0.01),
+        },
+    };
+    let mut found = Array2::from_elem((32, 40), f32::NAN);
+    reconstruction.pixels(&pixels, found.view_mut())?;
+    // All bits of these pixels are explained by S, which is the largest intensity.
+    assert_eq!(found, Array2::from_elem((32, 40), 1.0));
     Ok(())
 }
 

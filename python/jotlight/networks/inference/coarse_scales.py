@@ -15,6 +15,9 @@ from jotlight.sensing.data.pixel_counts import PixelCounts
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
+_MAX_COUNT = (2**31 - 1) // 4
+"""The largest count of which four are an int32, too."""
+
 
 def has_few_photons(image: Image, sensor: Sensor, trials: float) -> bool:
     """Return whether an image gains from squares of pixels.
@@ -50,8 +53,12 @@ def sensor_of_squares(sensor: Sensor) -> Sensor:
     )
 
 
-def counts_of_squares(pixels: PixelCounts, images: list[int], threads: int | None) -> list[Merged]:
-    """Return the counts of squares of 2 x 2 pixels of some images.
+def counts_of_squares(
+    pixels: PixelCounts, images: list[int], threads: int | None
+) -> dict[int, Merged]:
+    """Return the counts of squares of 2 x 2 pixels of some images, by their indices.
+
+    Images whose squares may have more ones than an int32 holds are left out.
 
     Parameters
     ----------
@@ -62,14 +69,17 @@ def counts_of_squares(pixels: PixelCounts, images: list[int], threads: int | Non
     threads : int, optional
         The number of threads. Default: the number of cores.
     """
-    sensor, squares = sensor_of_squares(pixels.sensor), []
+    squares = {}
     for image in images:
+        ones = pixels.counts[image]
+        if ones.max() > _MAX_COUNT:
+            continue
         trials, efficiency, dark_counts = (
             each[image] if isinstance(each, np.ndarray) else each
             for each in (pixels.trials, pixels.efficiency, pixels.dark_counts)
         )
-        ones = pixels.counts[image]
-        squares.append(sum_counts(ones, trials, efficiency, dark_counts, sensor, threads))
+        sensor = sensor_of_squares(pixels.sensor)
+        squares[image] = sum_counts(ones, trials, efficiency, dark_counts, sensor, threads)
     return squares
 
 

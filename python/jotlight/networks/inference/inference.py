@@ -17,7 +17,12 @@ from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.estimators.readings.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
 from jotlight.layout import Layout
-from jotlight.networks.inference.coarse_scales import add_coarse, counts_of_squares, has_few_photons
+from jotlight.networks.inference.coarse_scales import (
+    add_coarse,
+    counts_of_squares,
+    has_few_photons,
+    sensor_of_squares,
+)
 from jotlight.networks.inference.engine_backed import GrayNetwork, sensor_model
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.bits_checks import check_fits
@@ -160,15 +165,16 @@ class Inference:
             for index, (image, trials) in enumerate(zip(found, usual, strict=True))
             if has_few_photons(image, self.sensor, trials)
         ]
-        if not few:
-            return
         squares = counts_of_squares(pixels, few, self.threads)
-        images, sensor = GrayImages(squares, Layout((len(few),))), squares[0].sensor
+        if not squares:
+            return
+        images = GrayImages(list(squares.values()), Layout((len(squares),)))
+        sensor = sensor_of_squares(pixels.sensor)
         output = output_of(images, sensor, None)
         coarse = dataclasses.replace(self, images=images, sensor=sensor, output=output)
         with hide_warnings():  # the estimate of the pixels has warned
             estimates = coarse.run()
-        for index, estimate, counts in zip(few, estimates, squares, strict=True):
+        for (index, counts), estimate in zip(squares.items(), estimates, strict=True):
             found[index] = add_coarse(found[index], estimate, sensor, counts.trials, self.threads)
 
     def _run_untied(self) -> None:

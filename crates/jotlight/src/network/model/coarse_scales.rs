@@ -31,6 +31,9 @@ const FEW: f64 = 3.0;
 /// The smallest height and width of an image, in pixels, that has squares.
 const MIN_SIDE: usize = 32;
 
+/// The largest count of which four are a count, too.
+const MAX_COUNT: i32 = i32::MAX / 4;
+
 /// The smallest intensity at which the information is evaluated.
 const MIN_INTENSITY: f64 = 1e-12;
 
@@ -40,10 +43,12 @@ const MIN_RATE: f64 = 1e-150;
 impl SensorModel {
     /// Return whether an image of intensities gains from squares of pixels.
     ///
-    /// `trials` is the usual number of trials of a pixel.
+    /// `trials` is the usual number of trials of a pixel. Sensors whose squares may have more ones than
+    /// an `i32` holds have no squares.
     #[must_use]
     pub fn has_few_photons(&self, image: ArrayView2<'_, f32>, trials: f64) -> bool {
-        if image.nrows().min(image.ncols()) < MIN_SIDE {
+        let is_small = image.nrows().min(image.ncols()) < MIN_SIDE;
+        if is_small || self.trials > MAX_COUNT.cast_unsigned() {
             return false;
         }
         let mean = mean(image);
@@ -57,16 +62,10 @@ impl SensorModel {
         photons < FEW
     }
 
-    /// Return the sensor of squares of 2 × 2 pixels.
-    ///
-    /// # Errors
-    /// [`Error::Range`] for more bits than 4,294,967,295.
-    pub(super) fn of_squares(&self) -> Result<Self> {
-        let Some(trials) = self.trials.checked_mul(4) else {
-            let expected = "at most 1073741823 for squares of pixels";
-            return Err(Error::range("trials per pixel", expected, self.trials));
-        };
-        Ok(Self { trials, ..*self })
+    /// Return the sensor of squares of 2 × 2 pixels, where [`Self::has_few_photons`] is true.
+    fn of_squares(&self) -> Self {
+        let trials = self.trials.saturating_mul(4);
+        Self { trials, ..*self }
     }
 
     /// Return the Fisher information of a pixel about the logarithm of its intensity.
@@ -98,11 +97,13 @@ impl Reconstruction<'_> {
             Values::Same(trials) => trials,
             Values::Each(trials) => trials.iter().sum::<f64>() / trials.len() as f64,
         };
-        if !self.has_few_photons(image.view(), usual) {
+        // Some pixels may have more trials than the sensor.
+        let are_countable = || pixels.counts.iter().all(|&count| count <= MAX_COUNT);
+        if !self.has_few_photons(image.view(), usual) || !are_countable() {
             return Ok(());
         }
         let squares = Squares::of(pixels, self.sensor.response.threshold)?;
-        let sensor = self.sensor.of_squares()?;
+        let sensor = self.sensor.of_squares();
         let mut coarse = Array2::zeros(squares.counts.dim());
         let reconstruction = self.network.prepare(sensor)?;
         reconstruction.pixels(&squares.pixels(), coarse.view_mut())?;
@@ -209,6 +210,22 @@ mod tests {
         assert!(!sensor(1, 1.0, 5.0)?.has_few_photons(small, 8.0));
         // Behind a threshold, hardly any of these photons are reported.
         assert!(sensor(3, 1.3, 0.0)?.has_few_photons(image.view(), 8.0));
+        Ok(())
+    }
+
+    #[test]
+    fn a_sensor_whose_squares_may_have_too_many_ones_has_none() -> Result<()> {
+        let image = Array2::from_elem((32, 40), 0.5);
+        for (trials, expected) in [(i32::MAX as u32 / 4, true), (1 << 29, false)] {
+            let sensor = SensorModel {
+                trials,
+                ..sensor(1, 1e-10, 0.5)?
+            };
+            assert_eq!(
+                sensor.has_few_photons(image.view(), f64::from(trials)),
+                expected
+            );
+        }
         Ok(())
     }
 
