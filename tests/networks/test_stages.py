@@ -2,8 +2,7 @@
 
 import pytest
 
-import jotlight as jl
-from jotlight.networks.stages import last_run, stages_of, stored_history, with_run, with_stage
+from jotlight.networks.stages import last_run, stages_of, with_run, with_stage
 
 
 def test_stages_stay_in_order_and_do_not_change_the_history_before():
@@ -19,23 +18,8 @@ def test_stages_stay_in_order_and_do_not_change_the_history_before():
     assert len(stages_of(first)) == 1
 
 
-def test_the_only_run_in_a_file_is_a_stage():
-    stored = {"start": "random", "run": {"seed": 1}, "records": {}, "trained on": "photos"}
-    stage = {"kind": "train", "data": "photos", "run": {"seed": 1}, "records": {}}
-    assert stored_history(stored) == {"start": "random", "stages": [stage]}
-    for history in ({"start": "random"}, {"stages": ["by hand"]}, []):
-        assert stored_history(history) is history
-
-
-def test_damaged_histories_are_refused(tmp_path):
+def test_damaged_histories_are_refused():
     with pytest.raises(ValueError, match="history: expected a list of stages, got 3"):
         stages_of({"stages": 3})
     with pytest.raises(ValueError, match="history: expected a stage that is a training run"):
         last_run({"stages": ["by hand"]})
-    layers, sensor = jl.Network.initial(jl.Sensor()).layers, jl.Sensor()
-    damaged = {"stages": 3, "run": {}, "records": {}}
-    jl.Network(layers, sensor, damaged).save(tmp_path / "a.safetensors")
-    with pytest.raises(
-        ValueError, match=r"a\.safetensors: damaged network file: history: expected"
-    ):
-        jl.Network.load(tmp_path / "a.safetensors")

@@ -19,8 +19,6 @@ from typing import Any, Literal
 Stage = str | dict[str, Any]
 """A text, or the record of a training run."""
 
-_RUN = "run", "records"
-
 
 def stages_of(history: Mapping[str, Any]) -> list[Stage]:
     """Return the stages of a history, in order.
@@ -71,16 +69,3 @@ def last_run(history: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(stage, dict):
             return stage
     raise ValueError("history: expected a stage that is a training run")
-
-
-def stored_history(history: Any) -> Any:
-    """Return a history with stages, from that in a file.
-
-    The files of most pretrained networks contain the entries of their only run beside the start.
-    """
-    if not isinstance(history, dict) or not history.keys() >= set(_RUN):
-        return history
-    names = {"run": "run", "records": "records", "trained on": "data"}
-    stage = {names[name]: value for name, value in history.items() if name in names}
-    rest = {name: value for name, value in history.items() if name not in names}
-    return with_stage(rest, {"kind": "train", **stage})

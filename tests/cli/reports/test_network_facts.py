@@ -1,7 +1,5 @@
 """`jotlight info` of networks."""
 
-import re
-
 import pytest
 
 import jotlight as jl
@@ -10,15 +8,20 @@ from jotlight.networks.pretrained import FOLDER
 COLUMNS = "step", "loss", "gradient_norm", "test_psnr", "held_out"
 
 
+def of_run(run, records):
+    """Return a history that is one run of training."""
+    return {"stages": [{"kind": "train", "run": run, "records": records}]}
+
+
 @pytest.mark.parametrize(
     "history",
     [
-        {"run": 5, "records": {}},
-        {"run": {}, "records": [1]},
-        {"run": 5, "records": {name: [0] for name in COLUMNS}},
-        {"run": {}, "records": {name: [] for name in COLUMNS}},
-        {"run": {}, "records": {name: ["a"] for name in COLUMNS}},
-        {"run": {}, "records": {name: [10**400] for name in COLUMNS}},
+        of_run(5, {}),
+        of_run({}, [1]),
+        of_run(5, {name: [0] for name in COLUMNS}),
+        of_run({}, {name: [] for name in COLUMNS}),
+        of_run({}, {name: ["a"] for name in COLUMNS}),
+        of_run({}, {name: [10**400] for name in COLUMNS}),
         {"stages": {}},
         {"stages": [3]},
         {"stages": [{"kind": "train"}]},
@@ -32,13 +35,11 @@ def test_a_network_with_a_damaged_history_is_refused(run, history):
     for options in ([], ["--plot", "b.png"]):
         status, output = run("info", "a.safetensors", *options)
         assert status == 1
-        assert re.match("error: a.safetensors: (damaged network file: )?history: expected", output)
+        assert output.startswith("error: a.safetensors: history: expected")
         assert output.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    "history", [{"stages": []}, {"stages": ["by hand"]}, {"run": {}}, {"records": 1}], ids=str
-)
+@pytest.mark.parametrize("history", [{}, {"stages": []}, {"stages": ["by hand"]}], ids=str)
 def test_a_network_without_records_of_a_run_has_no_plot(run, history):
     jl.Network(jl.Network.initial(jl.Sensor()).layers, jl.Sensor(), history).save("a.safetensors")
     assert run("info", "a.safetensors")[0] == 0

@@ -14,7 +14,6 @@ from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.inference.engine_backed import EngineBacked
 from jotlight.networks.layer import Layer
 from jotlight.networks.planes import color_planes, film_planes
-from jotlight.networks.stages import stored_history
 from jotlight.paths import as_path, as_tensors_path
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
@@ -131,11 +130,8 @@ def read_network(
         if trials_range is not None:
             low, high = map(operator.index, trials_range)
             trials_range = low, high
-        options = {"trials_range": trials_range}
-        # The files of most pretrained networks were written before this number existed.
-        options["rotations"] = json.loads(metadata.get("rotations", "1"))
-        history = stored_history(json.loads(metadata["history"]))
-        return make(layers, sensor, history, **options)
+        rotations, history = json.loads(metadata["rotations"]), json.loads(metadata["history"])
+        return make(layers, sensor, history, trials_range=trials_range, rotations=rotations)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise ValueError(f"{path}: damaged network file: {error}") from error
 
@@ -169,8 +165,8 @@ def _network_file(path: str | os.PathLike[str]) -> Path:
 
 
 def _planes_of(path: Path, metadata: Mapping[str, str]) -> int:
-    """Return the number of planes, of which networks of counts state none or 0."""
+    """Return the number of planes, which is 0 for networks of counts."""
     try:
-        return operator.index(json.loads(metadata.get("planes", "0")))
-    except (TypeError, ValueError, RecursionError) as error:
+        return operator.index(json.loads(metadata["planes"]))
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: damaged network file: {error}") from error
