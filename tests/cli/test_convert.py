@@ -218,8 +218,8 @@ def test_info_shows_the_format_and_the_history_of_conversions(run, tmp_path):
     assert status == 0
     lines = [" ".join(line.split()) for line in output.splitlines()]
     assert "format npy" in lines
-    assert "from npy.gz, b.npy.gz" in lines
-    assert "from swissspad2, a.bin" in lines
+    assert "provenance npy: converted from b.npy.gz" in lines
+    assert "npy.gz: converted from a.bin" in lines
 
 
 @pytest.mark.filterwarnings("default:.*no place to record")

@@ -67,8 +67,8 @@ def test_counts_written_by_jotlight_are_shown_as_counts(run, tmp_path, name):
     write_capture(COUNTS.astype(np.int32), tmp_path / path, name, trials=64, provenance=provenance)
     lines = lines_of(run, path)
     assert f"format {name}" in lines
-    assert "assumed counts out of 64, as the file states" in lines
-    assert "from npy, cube.npy" in lines
+    assert f"provenance {name}: counts out of 64, as the file states" in lines
+    assert f"{name}: converted from cube.npy" in lines
     assert "values int32, 0 to 4" in lines
 
 

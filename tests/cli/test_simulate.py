@@ -198,16 +198,28 @@ def test_a_simulated_capture_and_its_images_state_their_origin(run, color, tmp_p
     assert status == 0, output
     assert run("reconstruct", "bits.npy", "-o", "image.tif", "--method", "mle")[0] == 0
     stated = json.loads((tmp_path / "bits.json").read_text())["provenance"]
-    assert (stated["format"], stated["name"]) == ("photograph", Path(color).name)
+    photo = Path(color).name
+    assert (stated["format"], stated["name"]) == ("simulation", photo)
     expected = [
-        f"simulated by jotlight {jl.__version__} with seed 5, gray, white 400.0, motion shake",
-        f"SHA-256 {file_checksum(tmp_path / color)}",
+        f"simulated from {photo} by jotlight {jl.__version__} with seed 5, gray, white 400.0, "
+        "motion shake",
+        f"SHA-256 of {photo}: {file_checksum(tmp_path / color)}",
     ]
     assert stated["notes"] == expected
     assert read_note(tmp_path / "image.tif")["provenance"]["origin"]["notes"] == expected
-    for name in ("bits.npy", "image.tif"):
+    assert run("convert", "bits.npy", "-o", "copy.npy.gz")[0] == 0
+    for name in ("bits.npy", "image.tif", "copy.npy.gz"):
         shown = " ".join(run("info", name)[1].split())
-        assert all(note in shown for note in (*expected, Path(color).name))
+        assert all(shown.count(note) == 1 for note in expected)
+        assert "assumed" not in shown
+        assert f"converted from {photo}" not in shown
+
+
+def test_commands_print_the_origin_of_a_simulated_capture_in_one_line(run, photo):
+    assert run("simulate", photo, "-o", "bits.npy", "-t", 4)[0] == 0
+    lines = run("reconstruct", "bits.npy", "-o", "image.png", "-m", "mle")[1].splitlines()
+    origin = f"simulated from {Path(photo).name} by jotlight {jl.__version__} with seed 0"
+    assert [line for line in lines if Path(photo).name in line] == [origin]
 
 
 def test_simulated_readings_of_several_bits_state_their_origin(run, photo, tmp_path):

@@ -161,7 +161,7 @@ def _run(data: Path | str, opened: Capture, name: str) -> dict[str, Any]:
         "bytes": size,
         "modified": modified,
         "format": provenance.format if provenance else None,
-        "provenance": provenance.describe() if provenance else [],
+        "provenance": provenance.to_json() if provenance else None,
         "bits" if isinstance(opened, Bits) else "counts": list(shape),
         "to": name,
     }

@@ -152,7 +152,9 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     content, origin = _content_facts(file, capture), origin_facts(file)
     if is_film(origin) and not _has_capture_options(capture):
         content[0] = ("kind", "film")
-    return [*content, *origin]
+    # A copy states its provenance, which its record repeats.
+    repeated = {(name, text) for name in ("provenance", "") for _, text in content}
+    return [*content, *(row for row in origin if row not in repeated)]
 
 
 def _has_capture_options(capture: CaptureOptions) -> bool:

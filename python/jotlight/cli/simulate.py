@@ -29,7 +29,7 @@ from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.parameters.intensity_scale import gray_levels
-from jotlight.sensing.parameters.provenance import Provenance
+from jotlight.sensing.parameters.provenance import SIMULATION, Provenance
 from jotlight.sensing.sensor import Sensor
 
 _ROUNDING = 1e-6
@@ -178,10 +178,10 @@ def _with_origin(
         if value is not None and value is not False
     )
     notes = (
-        f"simulated by jotlight {__version__} with {options}",
-        f"SHA-256 {file_checksum(photo)}",
+        f"simulated from {photo.name} by jotlight {__version__} with {options}",
+        f"SHA-256 of {photo.name}: {file_checksum(photo)}",
     )
-    origin = Provenance("photograph", photo.name, notes)
+    origin = Provenance(SIMULATION, photo.name, notes)
     if isinstance(bits, Readings):
         return Readings(bits.frames, bits.sensor, origin)
     return bits.replace(provenance=origin)

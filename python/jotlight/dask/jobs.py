@@ -294,7 +294,7 @@ def run_record(
         "bytes": capture.state[0],
         "modified": capture.state[1],
         "format": bits.provenance.format if bits.provenance else None,
-        "provenance": bits.provenance.describe() if bits.provenance else [],
+        "provenance": bits.provenance.to_json() if bits.provenance else None,
         "read": capture.describe(),
         "bits": list(bits.shape),
         **facts,

@@ -34,7 +34,7 @@ def test_runs_over_captures_and_windows_show_the_region(run, captures, part):
     assert run(*base, "-o", "{name}.tif", *REGION)[0] == 0
     np.testing.assert_array_equal(read_image("1.tif"), jl.mle(part))
     run_of = json.loads(Path("1.tif.json").read_text())["run"]
-    assert "rows 3:11 and columns 5:22" in run_of["provenance"][0]
+    assert "rows 3:11 and columns 5:22" in run_of["provenance"]["notes"][0]
     assert "0 made, 2 complete" in run(*base, "-o", "{name}.tif", "--region", "3:11,05:22")[1]
     assert run_of["bits"] == [64, 8, 17]
     code, err = run(*base, "-o", "{name}.tif", "--region", "3:11,5:21")

@@ -11,6 +11,7 @@ from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.readings import Readings
 from jotlight.sensing.data.data_lists import carried_sensor
+from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _MAX_BYTES = 1 << 30
@@ -18,18 +19,19 @@ _MAX_BYTES = 1 << 30
 
 
 def notes(capture: Capture) -> list[tuple[str, str]]:
-    """Return the assumptions about a file, and the files from which it was converted.
+    """Return the assumptions about a file, and its origin: a simulation, or earlier conversions.
 
     Of a stack of images of counts, the sum is shown.
     """
     is_summed = isinstance(capture, CountStack) and capture.sensor is None
     provenance = capture.sum_provenance if is_summed else capture.provenance
-    facts: list[tuple[str, str]] = []
-    for step in provenance.lineage() if provenance is not None else ():
-        if step is not provenance:
-            facts.append(("from", f"{step.format}, {step.name}"))
-        facts += [("" if index else "assumed", note) for index, note in enumerate(step.notes)]
-    return facts
+    return [] if provenance is None else provenance_rows(provenance)
+
+
+def provenance_rows(provenance: Provenance) -> list[tuple[str, str]]:
+    """Return the rows about how a file was read, and about its origin."""
+    lines = provenance.describe(checksums=True)
+    return [("" if index else "provenance", line) for index, line in enumerate(lines)]
 
 
 def bits_facts(bits: Bits) -> list[tuple[str, str]]:

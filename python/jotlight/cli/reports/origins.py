@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.cli.captures.applied_calibration import FORMAT, record_path
+from jotlight.cli.reports.capture_facts import provenance_rows
 from jotlight.cli.terminal.console import shape_text
 from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
@@ -214,15 +215,14 @@ def _origin_rows(origin: dict[str, Any]) -> Facts:
 def _provenance(stored: Any) -> Facts:
     """Return the rows about how the frames were read: which of them, turned, and assumptions.
 
-    `stored` is an object of :meth:`Provenance.to_json`, or lines of :meth:`Provenance.describe`.
+    `stored` is an object of :meth:`Provenance.to_json`, or None.
     """
-    lines = stored if isinstance(stored, list) else []
-    if isinstance(stored, dict):
-        try:
-            lines = Provenance.from_json(stored).describe()
-        except ValueError as error:
-            lines = [f"damaged ({error})"]
-    return [("" if index else "provenance", str(line)) for index, line in enumerate(lines)]
+    if stored is None:
+        return []
+    try:
+        return provenance_rows(Provenance.from_json(stored))
+    except ValueError as error:
+        return [("provenance", f"damaged ({error})")]
 
 
 def _images(shape: Any) -> tuple[str, str]:

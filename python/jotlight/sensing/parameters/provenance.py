@@ -13,6 +13,12 @@ _MAX_LENGTH = 1000
 _MAX_CONVERSIONS = 16
 """Maximum number of files in a chain of conversions that is read from JSON: the latest ones."""
 
+SIMULATION = "simulation"
+"""Format of the origin of simulated bits. Its name is that of the photograph.
+
+It has two notes: how the bits were simulated, and the SHA-256 of the photograph.
+"""
+
 _ORIENTATIONS = [[quarters, mirrored] for quarters in range(4) for mirrored in (False, True)]
 """All orientations, as JSON stores them."""
 
@@ -24,7 +30,7 @@ class Provenance:
     Parameters
     ----------
     format : str
-        The format's name, as ``jotlight.open(..., format=)`` takes it.
+        The format's name, as ``jotlight.open(..., format=)`` takes it, or `SIMULATION`.
     name : str
         The name of the file or folder.
     notes : tuple of str
@@ -93,12 +99,24 @@ class Provenance:
         words += ["mirrored left to right"] if mirrored else []
         return " and ".join(words) or "not turned"
 
-    def describe(self) -> list[str]:
-        """Return all notes and conversions, one line each, from this file back to the first."""
-        lines = []
+    def describe(self, *, checksums: bool = False) -> list[str]:
+        """Return all notes and conversions, one line each, from this file back to the first.
+
+        With `checksums`, the lines also state the SHA-256 of the photograph of simulated bits.
+
+        Examples
+        --------
+        >>> drawn = Provenance(SIMULATION, "a.png", ("simulated from a.png", "SHA-256 of a.png: 1"))
+        >>> Provenance("npy", "a.npy").converted_from(drawn).describe()
+        ['simulated from a.png']
+        """
+        lines: list[str] = []
         for step in self.lineage():
+            if step.format == SIMULATION:
+                lines += step.notes if checksums else step.notes[:1]
+                continue
             lines += [f"{step.format}: {note}" for note in step.notes]
-            if step.origin is not None:
+            if step.origin is not None and step.origin.format != SIMULATION:
                 lines.append(f"{step.format}: converted from {step.origin.name}")
         return lines
 
