@@ -116,7 +116,7 @@ def test_the_applied_calibration_is_recorded_beside_the_estimate(run, captures, 
     assert status == 0
     assert "calibration c.safetensors: 10 masked jots, response" in output
     record = json.loads((captures / "a.tif.json").read_text())
-    assert record["format"] == "jotlight image"
+    assert record["format"] == "jotlight record"
     assert (record["data"], record["method"]) == ("capture.npy", "mle")
     assert record["sensor"]["gain"] == 20
     assert record["sensor"]["frames"] == 16

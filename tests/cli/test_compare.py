@@ -1,5 +1,6 @@
 """`jotlight compare`."""
 
+import json
 import re
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from jotlight.cli.terminal import console
 from jotlight.evaluation.methods import METHODS
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.io import read_image, read_note
+from jotlight.networks.pretrained import FOLDER
 
 ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
 TITLES = {name: METHODS[name].title for name in ITERATIVE}
@@ -183,11 +185,35 @@ def test_the_figure_states_its_origin(run, photo, tmp_path, ending):
     note = read_note(tmp_path / f"figure.{ending}")
     assert (note["method"], note["options"]) == (["mle"], {"seed": 3, "gray": True})
     assert note["sensor"] == jl.Sensor(oversampling=2).scalars()
-    assert note["photograph_sha256"] == file_checksum(photo)
-    assert "seed=3, gray=True" in " ".join(run("info", f"figure.{ending}")[1].split())
+    assert note["photographs_sha256"] == file_checksum(photo)
+    shown = " ".join(run("info", f"figure.{ending}")[1].split())
+    assert "seed=3, gray=True" in shown
+    assert f"SHA-256 {file_checksum(photo)}" in shown
+
+
+def test_the_figure_states_the_weights_of_all_networks(run, photo, tmp_path):
+    (tmp_path / "nets").mkdir()
+    jl.Network.initial(jl.Sensor(frames=16)).save("nets/own.safetensors")
+    options = ["-m", "mle,network-small", "--model", "nets/own.safetensors"]
+    assert run("compare", photo, *options, "-o", "figure.png")[0] == 0
+    note = read_note(tmp_path / "figure.png")
+    files = tmp_path / "nets/own.safetensors", FOLDER / "small-k16.safetensors"
+    assert note["weights_sha256"] == sorted(map(file_checksum, files))
+    assert note["method"] == ["mle", "network-small", "own.safetensors"]
+    assert str(tmp_path) not in json.dumps(note)
+    assert "nets" not in json.dumps(note)
+
+
+def test_a_figure_is_no_capture(run, photo):
+    assert run("compare", photo, "-m", "mle", "-o", "figure.png")[0] == 0
+    message = f"got a figure, in which jotlight compares estimates of {photo.name}; name a capture"
+    for arguments in (["info", "--verify"], ["reconstruct", "-o", "b.png"]):
+        status, output = run(arguments[0], "figure.png", *arguments[1:])
+        assert status == 1
+        assert message in output
 
 
 @pytest.mark.parametrize("ending", ["pdf", "svg"])
 def test_figures_of_lines_state_their_origin(run, photo, tmp_path, ending):
     assert run("compare", photo, "-m", "mle", "-o", f"figure.{ending}")[0] == 0
-    assert b"photograph_sha256" in (tmp_path / f"figure.{ending}").read_bytes()
+    assert b"photographs_sha256" in (tmp_path / f"figure.{ending}").read_bytes()

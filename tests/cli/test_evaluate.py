@@ -1,6 +1,7 @@
 """`jotlight evaluate`."""
 
 import csv
+import hashlib
 import json
 
 import numpy as np
@@ -11,6 +12,7 @@ import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.sets import read_image_set
+from jotlight.networks.pretrained import FOLDER
 
 MODEL = "model.safetensors"
 SENSOR = jl.Sensor(oversampling=3, frames=2)
@@ -322,6 +324,17 @@ def test_a_record_beside_the_scores_states_their_origin(run, photo_folder, model
     shown = run("info", "s.csv")[1]
     assert "scores" in shown
     assert "seed=7, first=2" in shown
+    files = sorted(photo_folder.iterdir())[:2]
+    joint = hashlib.sha256("".join(map(file_checksum, files)).encode()).hexdigest()
+    assert origin["photographs_sha256"] == joint
+
+
+def test_the_record_states_the_weights_of_a_pretrained_network(run, tmp_path):
+    np.save("images.npy", np.full((1, 20, 20), 0.5))
+    assert run("evaluate", "images.npy", "-o", "s.csv", "--quality", "small")[0] == 0
+    origin = json.loads((tmp_path / "s.csv.json").read_text())["origin"]
+    assert origin["weights_sha256"] == file_checksum(FOLDER / "small-k16.safetensors")
+    assert origin["photographs_sha256"] == file_checksum(tmp_path / "images.npy")
 
 
 def test_a_file_that_is_no_record_is_kept(run, photo_folder, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
-from jotlight.evaluation.records.weights import weights_sha256
+from jotlight.evaluation.records.weights import weight_files, weights_sha256
 from jotlight.images.io import read_image
 from jotlight.networks.pretrained import pretrained, uses_conditional
 
@@ -32,7 +32,7 @@ def test_the_record_of_aligned_colors_states_all_networks_of_the_blend(run, tmp_
     assert status == 0, output
     assert "best blend on held-out bits, color differences (" in " ".join(output.split())
     origin = json.loads(Path("out.npy.json").read_text())["origin"]
-    expected = weights_sha256([sensor], "held-out", None, is_color=True)
+    expected = weights_sha256(weight_files([sensor], "held-out", None, is_color=True))
     assert origin["weights_sha256"] == expected
     assert len(expected) == 3
 

@@ -14,6 +14,7 @@ from jotlight.cli.options.method_options import split_names
 from jotlight.cli.options.sensor_options import ModelSensorOptions
 from jotlight.cli.reports.simulated_origin import simulated_origin
 from jotlight.cli.terminal.console import out, progress, report
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import title_of
 from jotlight.evaluation.compare import COLUMNS, Comparison, default_methods
 from jotlight.evaluation.compare import compare as compare_by_title
@@ -23,7 +24,6 @@ from jotlight.evaluation.request import AnyMethod
 from jotlight.evaluation.requested_method import network_name
 from jotlight.evaluation.run_methods import select_methods
 from jotlight.files import atomic_write, check_outputs
-from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.io import read_image
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.loading import load_image_network
@@ -76,13 +76,14 @@ def compare(
     selected = selected or {**default_methods(exposed, is_color=image.ndim == 3)}
     output = output or Path(f"{photo.stem}-compare.png")
     check_outputs([output], [photo, model, *sensor.map_files()])
-    if network is not None:
+    if model is not None and network is not None:
         network.check_sensor(exposed)
-        selected[str(model)] = network
+        selected[model.name] = network
     options = {"seed": seed, "gray": gray, "white": white}
     names_of = [name if isinstance(name, str) else title for title, name in selected.items()]
-    note = simulated_origin(photo.name, exposed, names_of, model, options)
-    note["photograph_sha256"] = file_checksum(photo)
+    made = exposed, names_of, model, options
+    is_color = image.shape[2:] == (COLORS,)
+    note = simulated_origin(photo.name, [photo], *made, is_color=is_color)
     run_comparison(image, exposed, output, selected, note, seed=seed, threads=threads)
     if not names:
         _report_missing()

@@ -35,5 +35,5 @@ def demo(
     )
     # Methods with an extra package take too long for a demonstration. `jotlight compare` has them.
     names = [name for name in select_methods(sensor) if METHODS[name].required_package is None]
-    note = simulated_origin(f"{photo} of scikit-image", sensor, names, None, {"seed": 0})
+    note = simulated_origin(f"{photo} of scikit-image", [], sensor, names, None, {"seed": 0})
     run_comparison(image, sensor, output, {METHODS[name].title: name for name in names}, note)

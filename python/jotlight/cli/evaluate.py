@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from jotlight._engine import __version__
-from jotlight.cli.captures.applied_calibration import FORMAT, check_record, record_path
+from jotlight.cli.captures.applied_calibration import check_record, record_path
 from jotlight.cli.options.common_options import (
     OWN,
     ImageKey,
@@ -30,6 +30,7 @@ from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS, find_method
 from jotlight.evaluation.own_method import OwnMethod, import_method
+from jotlight.evaluation.records.records import FORMAT
 from jotlight.files import atomic_write_together, check_outputs, write_file
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.images.sets import read_image_set
@@ -120,6 +121,7 @@ def evaluate(
             options = {"seed": seed, "first": first, "key": key, "white": white}
             origin = simulated_origin(
                 f"{images.resolve().name}, {counted(len(names), 'image')}",
+                [images / name for name in names] if images.is_dir() else [images],
                 *(exposed, used, model, {**options, "precision": precision}),
             )
             _write_scores(result, origin, *temporaries)

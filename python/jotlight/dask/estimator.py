@@ -20,7 +20,7 @@ from jotlight.evaluation.contradictions.clipping import (
 from jotlight.evaluation.contradictions.dark_counts import warn_about_dark_counts
 from jotlight.evaluation.methods import COLOR_NETWORK, needs_bits
 from jotlight.evaluation.reconstruct import reconstruct
-from jotlight.evaluation.records.weights import weights_sha256
+from jotlight.evaluation.records.weights import weight_files, weights_sha256
 from jotlight.evaluation.request import Request
 from jotlight.evaluation.run_choice import run_choice
 from jotlight.layout import Layout
@@ -80,7 +80,7 @@ class Estimator:
 
         `model` is the file of the caller's network.
         """
-        return weights_sha256(
+        files = weight_files(
             [self.sensor],
             self.choice.method,
             self.choice.quality,
@@ -88,6 +88,7 @@ class Estimator:
             is_conditional=self.request.fallback,
             is_color=self.choice.is_color,
         )
+        return weights_sha256(files)
 
     def estimate_shape(self, shape: tuple[int, ...]) -> tuple[int, ...]:
         """Return the shape of the estimates of counts (N, H, W) or (N, H, W, C).

@@ -21,7 +21,7 @@ from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
 from jotlight.errors import error_message
-from jotlight.evaluation.records.records import tone_facts
+from jotlight.evaluation.records.records import FORMAT, tone_facts
 from jotlight.files import atomic_write_together, write_file
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.frames.checked_reading import with_checksum
@@ -179,7 +179,7 @@ class ImageJob(RecordedResult):
         with atomic_write_together([self.output], [self.record]) as (file, text):
             write(file, image)
             facts = {"sha256": file_checksum(file), "output": measure(file)}
-            content = {"format": "jotlight image", **record, **facts}
+            content = {"format": FORMAT, **record, **facts}
             write_file(text, json.dumps(content, indent=1))
             self.refuse_complete()
 

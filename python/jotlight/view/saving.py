@@ -9,7 +9,7 @@ import numpy as np
 from jotlight.estimators.brightness import UNITS
 from jotlight.evaluation.methods import COLOR_NETWORK
 from jotlight.evaluation.records.records import image_facts, maps_sha256, tone_facts
-from jotlight.evaluation.records.weights import weights_sha256
+from jotlight.evaluation.records.weights import weight_files, weights_sha256
 from jotlight.formats.capture import CountStack
 from jotlight.formats.frames.checked_reading import with_checksum
 from jotlight.formats.opening.locations import file_state, is_url
@@ -122,7 +122,7 @@ def _note(
         sensor = sensor.replace(max_intensity=choice.max_intensity)
         units = UNITS["intensity"]
         facts = choice.method, choice.quality
-        weights = weights_sha256([made.sensor], *facts, is_color=choice.is_color)
+        weights = weights_sha256(weight_files([made.sensor], *facts, is_color=choice.is_color))
     largest = 1.0 if state.method == COUNTS else sensor.max_intensity
     part = viewed.part(state.span)
     provenance = part.provenance or viewed.provenance

@@ -3,7 +3,7 @@
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.records.weights import weights_sha256
+from jotlight.evaluation.records.weights import weight_files, weights_sha256
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE
 
@@ -33,36 +33,40 @@ def named(name):
 )
 def test_weights_of_pretrained_networks(mosaic, method, quality, files):
     sensor = jl.Sensor(frames=16, mosaic=mosaic)
-    found = weights_sha256([sensor], method, quality, is_color=method == "network-color")
-    if len(files) == 2:
-        assert found == sorted(map(file_checksum, files))
-    else:
-        assert found == (file_checksum(files[0]) if files else None)
+    found = weight_files([sensor], method, quality, is_color=method == "network-color")
+    assert found == set(files)
 
 
 @pytest.mark.parametrize(("mosaic", "own"), [(None, CHANNELS_FILE), ("RGGB", MOSAIC_FILE)])
 def test_a_blend_for_colors_has_the_weights_of_the_color_network_and_of_medium(mosaic, own):
     sensor = jl.Sensor(frames=16, mosaic=mosaic)
-    expected = sorted(map(file_checksum, [own, LARGE, named("medium")]))
-    assert weights_sha256([sensor], "held-out", None, is_color=True) == expected
+    expected = {own, LARGE, named("medium")}
+    assert weight_files([sensor], "held-out", None, is_color=True) == expected
     options = {"is_color": True, "is_conditional": True}
-    assert weights_sha256([sensor], "held-out", None, **options) == expected
+    assert weight_files([sensor], "held-out", None, **options) == expected
 
 
 def test_a_film_of_which_some_images_are_merged_has_the_weights_of_both_color_networks():
     sensors = jl.Sensor(frames=16, mosaic="RGGB"), GRAY
-    expected = sorted(map(file_checksum, [CHANNELS_FILE, MOSAIC_FILE, LARGE]))
-    assert weights_sha256(sensors, "network-color", None, is_color=True) == expected
+    expected = {CHANNELS_FILE, MOSAIC_FILE, LARGE}
+    assert weight_files(sensors, "network-color", None, is_color=True) == expected
 
 
 def test_a_network_that_falls_back_is_conditional():
-    found = weights_sha256([GRAY], "network-small", "small", is_conditional=True)
-    assert found == file_checksum(named("small"))
+    found = weight_files([GRAY], "network-small", "small", is_conditional=True)
+    assert found == {named("small")}
 
 
 def test_weights_of_the_caller(tmp_path):
     path = tmp_path / "own.safetensors"
     jl.pretrained(GRAY, "small").save(path)
-    assert weights_sha256([GRAY], "network", None, model=path) == file_checksum(path)
+    assert weight_files([GRAY], "network", None, model=path) == {path}
+
+
+def test_checksums_are_one_text_or_a_sorted_list_or_none(tmp_path):
+    each = sorted(map(file_checksum, [LARGE, MOSAIC_FILE]))
+    assert weights_sha256({LARGE, MOSAIC_FILE}) == each
+    assert weights_sha256({LARGE}) == file_checksum(LARGE)
+    assert weights_sha256([]) is None
     with pytest.raises(OSError, match="missing"):
-        weights_sha256([GRAY], "network", None, model=tmp_path / "missing.safetensors")
+        weights_sha256([tmp_path / "missing.safetensors"])

@@ -11,12 +11,10 @@ import numpy as np
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
 from jotlight.calibration.jot_mosaics import has_filters_of_jots
+from jotlight.evaluation.records.records import FORMAT
 from jotlight.output_links import follow_link, name_beside
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
-
-FORMAT = "jotlight image"
-"""Value of "format" in a record beside a result."""
 
 _MAX_JSON_BYTES = 1 << 20
 _RECORDED = (

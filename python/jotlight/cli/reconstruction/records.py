@@ -7,14 +7,13 @@ from typing import Any
 
 from jotlight._engine import __version__
 from jotlight.cli.captures.applied_calibration import (
-    FORMAT,
     AppliedCalibration,
     check_record,
     record_path,
 )
 from jotlight.cli.reconstruction.inputs import Reconstruction
-from jotlight.evaluation.records.records import maps_sha256
-from jotlight.evaluation.records.weights import weights_sha256
+from jotlight.evaluation.records.records import FORMAT, maps_sha256
+from jotlight.evaluation.records.weights import weight_files, weights_sha256
 from jotlight.files import write_file
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.opening.locations import file_state
@@ -129,12 +128,14 @@ def origin_of(
         f"{content}_crc32": f"{checksum[1]:08x}",
         "model": job.model and job.model.name,
         "weights_sha256": weights_sha256(
-            sensors,
-            choice.method,
-            choice.quality,
-            model=job.model,
-            is_conditional=job.request.fallback,
-            is_color=choice.is_color,
+            weight_files(
+                sensors,
+                choice.method,
+                choice.quality,
+                model=job.model,
+                is_conditional=job.request.fallback,
+                is_color=choice.is_color,
+            )
         ),
         "calibration_sha256": calibration and calibration.sha256,
         "maps_sha256": maps_sha256(job.captured.sensor),

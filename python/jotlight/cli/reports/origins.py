@@ -5,12 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jotlight.cli.captures.applied_calibration import FORMAT, record_path
+from jotlight.cli.captures.applied_calibration import record_path
 from jotlight.cli.reports.capture_facts import provenance_rows
 from jotlight.cli.terminal.console import shape_text
 from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
 from jotlight.dask.store import PART, open_finished, open_unfinished
+from jotlight.evaluation.records.records import FORMAT
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.files.safe_paths import check_inside
 from jotlight.images.io import read_image, read_note
@@ -189,6 +190,7 @@ def _origin_rows(origin: dict[str, Any]) -> Facts:
     first = (
         "capture",
         "photographs",
+        "photographs_sha256",
         "bytes",
         "frames",
         "window",
@@ -197,11 +199,7 @@ def _origin_rows(origin: dict[str, Any]) -> Facts:
         "difference_to",
     )
     names = (*first, *_HOW, "software")
-    facts = [
-        (name.replace("_sha256", "").replace("_", " "), _text(origin[name]))
-        for name in names
-        if origin.get(name)
-    ]
+    facts = [(_label(name), _text(origin[name])) for name in names if origin.get(name)]
     facts += [
         ("read", f"{origin.get(f'{content}_bytes')} bytes, crc32 {origin[f'{content}_crc32']}")
         for content in ("packed", "counts")
@@ -256,20 +254,17 @@ def _run_facts(run: dict[str, Any]) -> Facts:
     ]
     if "window" in run:
         facts.append(("windows", f"{run['window']} frames, one from each {run.get('step')}"))
-    for name, label in (
-        ("method", "method"),
-        ("options", "options"),
-        ("model", "model"),
-        ("weights_sha256", "weights"),
-        ("sensor", "sensor"),
-        ("maps_sha256", "maps"),
-        ("calibration", "calibration"),
-        ("to", "converted to"),
-        ("jotlight", "jotlight"),
-    ):
-        if value := run.get(name):
-            facts.append((label, _text(value)))
+    how = "method", "options", "model", "weights_sha256", "sensor", "maps_sha256", "calibration"
+    facts += [
+        (_label(name), _text(run[name])) for name in (*how, "to", "jotlight") if run.get(name)
+    ]
     return facts
+
+
+def _label(name: str) -> str:
+    """Return the name of a row about an entry of a record."""
+    named = {"photographs_sha256": "SHA-256", "to": "converted to"}
+    return named.get(name, name.replace("_sha256", "").replace("_", " "))
 
 
 def _text(value: Any) -> str:

@@ -8,6 +8,9 @@ from jotlight.images.tone import Tone
 from jotlight.sensing.parameters.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
+FORMAT = "jotlight record"
+"""Value of "format" in a record beside a result."""
+
 
 def image_facts(
     sensor: Sensor, method: str, provenance: Provenance | None, *, units: str, largest_value: float

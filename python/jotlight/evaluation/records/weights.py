@@ -1,6 +1,6 @@
 """The files of the networks that a method runs, for records."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from jotlight.evaluation.choice import FILM_NETWORK
@@ -19,7 +19,7 @@ from jotlight.networks.pretrained import (
 from jotlight.sensing.sensor import Sensor
 
 
-def weights_sha256(
+def weight_files(
     sensors: Sequence[Sensor],
     method: str,
     quality: str | None,
@@ -27,8 +27,8 @@ def weights_sha256(
     model: Path | None = None,
     is_conditional: bool = False,
     is_color: bool = False,
-) -> str | list[str] | None:
-    """Return the SHA-256 of the files of the networks that a method runs.
+) -> set[Path]:
+    """Return the files of the networks that a method runs.
 
     Parameters
     ----------
@@ -47,27 +47,22 @@ def weights_sha256(
 
     Returns
     -------
-    str or list of str or None
-        64 hexadecimal digits, a sorted list of them for several files, or None without a network.
+    set of Path
         The color network and the film network have two files: their own, and that of the gray
-        network at which they start. A blend has those of its gray network, too.
-
-    Raises
-    ------
-    OSError
-        When a file cannot be read.
+        network at which they start. A blend has those of its gray network, too. Other methods may
+        have none.
 
     Examples
     --------
     >>> sensor = jl.Sensor(frames=16, mosaic="RGGB")
-    >>> len(weights_sha256([sensor], "network-color", None, is_color=True))
+    >>> len(weight_files([sensor], "network-color", None, is_color=True))
     2
-    >>> len(weights_sha256([sensor], "held-out", None, is_color=True))
+    >>> len(weight_files([sensor], "held-out", None, is_color=True))
     3
-    >>> len(weights_sha256([jl.Sensor()], "network-film", None))
+    >>> len(weight_files([jl.Sensor()], "network-film", None))
     2
-    >>> weights_sha256([sensor], "mle", None) is None
-    True
+    >>> weight_files([sensor], "mle", None)
+    set()
     """
     is_blend = method == BLEND_METHOD
     size = DEFAULT_SIZE if is_blend else quality
@@ -85,5 +80,23 @@ def weights_sha256(
             }
         elif model is not None:
             files.add(model)
+    return files
+
+
+def weights_sha256(files: Iterable[Path]) -> str | list[str] | None:
+    """Return the SHA-256 of files of networks, as records state them.
+
+    It is 64 hexadecimal digits, a sorted list of them for several files, or None without a file.
+
+    Raises
+    ------
+    OSError
+        When a file cannot be read.
+
+    Examples
+    --------
+    >>> len(weights_sha256(weight_files([jl.Sensor()], "network-small", "small")))
+    64
+    """
     weights = sorted(map(file_checksum, files))
     return weights[0] if len(weights) == 1 else weights or None

@@ -77,15 +77,21 @@ def open_png(path: Path, options: ReadingOptions) -> Capture:
 
 
 def _refuse_estimate(path: Path) -> None:
-    """Raise ValueError if the note of a PNG says that jotlight computed its gray levels."""
+    """Raise ValueError if the note of a PNG says that jotlight computed or drew it."""
     note = read_png_note(path)
     made = note["jotlight"].get("run") if isinstance(note.get("jotlight"), dict) else note
-    if isinstance(made, dict) and "method" in made and "sensor" in made:
+    if not isinstance(made, dict) or not {"method", "sensor"} <= made.keys():
+        return
+    if "photographs" in made:
         raise ValueError(
-            f"{path}: expected counts, got an estimate for display, which jotlight made of "
-            f"{made.get('capture', 'a capture')} by {made['method']}; name the capture itself, or "
-            "pass counts=True (--counts) to read the gray levels as counts"
+            f"{path}: expected counts, got a figure, in which jotlight compares estimates of "
+            f"{made['photographs']}; name a capture"
         )
+    raise ValueError(
+        f"{path}: expected counts, got an estimate for display, which jotlight made of "
+        f"{made.get('capture', 'a capture')} by {made['method']}; name the capture itself, or "
+        "pass counts=True (--counts) to read the gray levels as counts"
+    )
 
 
 def _matches(path: Path, name: str, extensions: tuple[str, ...]) -> bool:
