@@ -27,6 +27,7 @@ from jotlight.cli.terminal.console import progress, report
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.choice import FILM_NETWORK, title_of
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.records.info import Info, mean_settings
 from jotlight.evaluation.records.records import tone_facts
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
@@ -148,6 +149,7 @@ def _write(
                     add(image * scale)
         summary.seconds = time.perf_counter() - start
         facts |= origin_of(job, _sensors_of_images(job, summary), checksum(), aligned)
+        facts["found"] = mean_settings(summary.found)
         records.write(files, [outputs.output], job, facts)
     return summary
 
@@ -210,13 +212,15 @@ def _images(
     data = job.captured.data
     if not motion.motion:
         for span in spans:
-            yield _estimate(job, data[span], threads)
+            image, info = _estimate(job, data[span], threads)
+            summary.found.append(info.found_settings())
+            yield image
         return
     estimates = None
     if motion.recurrent:
         network = pretrained_film().with_precision(job.request.precision or F32)
         estimates = FilmEstimates(network, threads=threads)
-    for image in merge_windows(
+    for part in merge_windows(
         data,
         _sensor_of_all(job, outputs.window),
         window=outputs.window,
@@ -227,14 +231,16 @@ def _images(
         upsample=motion.factor,
         threads=threads,
     ):
-        summary.add_motion(image)
+        summary.add_motion(part)
         if estimates is not None:
-            yield estimates.add(image)
+            yield estimates.add(part)
             continue
         request = job.request.with_threads(threads)
-        if isinstance(image.data, Merged):
+        if isinstance(part.data, Merged):
             request = without_demosaicing(request)
-        yield reconstruct(image.data, **request.arguments())
+        image, info = reconstruct(part.data, return_info=True, **request.arguments())
+        summary.found.append(info.found_settings())
+        yield image
 
 
 def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
@@ -243,17 +249,18 @@ def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
     return repeat_exposures(sensor, sensor.frames // window * len(job.captured.data))
 
 
-def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
-    """Return the estimate of a window without alignment."""
+def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> tuple[Image, Info]:
+    """Return the estimate of a window without alignment, and how it was made."""
     sensor = job.captured.sensor
     if isinstance(part, Bits):
         pixels: Any = part
     else:
         pixels = part.sum() if sensor.bit_depth == 1 else part.readings(sensor)
-    image: Image = reconstruct(
+    made: tuple[Image, Info] = reconstruct(
         pixels,
         sensor,
         channel_axis=last_channel_axis(pixels),
+        return_info=True,
         **job.request.with_threads(threads).arguments(),
     )
-    return image
+    return made

@@ -20,6 +20,7 @@ from jotlight.evaluation.contradictions.clipping import (
 from jotlight.evaluation.contradictions.dark_counts import warn_about_dark_counts
 from jotlight.evaluation.methods import COLOR_NETWORK, needs_bits
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.records.info import Info, mean_settings
 from jotlight.evaluation.records.weights import weight_files, weights_sha256
 from jotlight.evaluation.request import Request
 from jotlight.evaluation.run_choice import run_choice
@@ -137,23 +138,35 @@ class Estimator:
         *,
         warns: bool = False,
     ) -> npt.NDArray[np.float32]:
-        """Return the estimates of counts (N, H, W) or (N, H, W, C).
+        """Return the estimates of counts, as :meth:`run` does."""
+        return self.run(counts, out, warns=warns)[0]
+
+    def run(
+        self,
+        counts: npt.NDArray[np.int32],
+        out: npt.NDArray[np.float32] | None = None,
+        *,
+        warns: bool = False,
+    ) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
+        """Return the estimates of counts (N, H, W) or (N, H, W, C), and what the method found.
 
         Those of a mosaic are (N, H, W, 3). `out` is an array for them, which is returned. Default:
         a new one. With `warns`, warn if the first image contradicts the sensor, as
         :func:`jotlight.reconstruct` does. To compare an image may take longer than its estimate.
+        What the method found are the means of :meth:`Info.found_settings` over the images.
         """
         estimates = np.empty(self.estimate_shape(counts.shape), np.float32) if out is None else out
         if counts.size == 0:
-            return estimates
+            return estimates, {}
         if self.is_color:
-            self._estimate_colors(counts, estimates)
-            return estimates
+            return estimates, mean_settings(self._estimate_colors(counts, estimates))
         images, network = _gray_images(counts), self._network()
-        run_choice(self.choice, self.request, images, self.sensor, estimates, network=network)
+        settings = self.request, images, self.sensor, estimates
+        _, *ending = run_choice(self.choice, *settings, network=network)
         if warns:
             self._warn_about_contradictions(_gray_images(counts[:1]), estimates[:1])
-        return estimates
+        info = Info(self.choice.method, self.choice.title, self.choice.reason, 0.0, *ending)
+        return estimates, info.found_settings()
 
     def _warn_about_contradictions(
         self, images: GrayImages, estimates: npt.NDArray[np.float32]
@@ -166,12 +179,20 @@ class Estimator:
             warn(remark)
         warn_about_dark_counts(images, self.sensor, threads)
 
-    def _estimate_colors(self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]) -> None:
-        """Write the estimates of counts of a mosaic, or of three channels, one after another."""
-        settings = self.request.of_choice(self.choice).arguments()
+    def _estimate_colors(
+        self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]
+    ) -> list[dict[str, Any]]:
+        """Write the estimates of counts of a mosaic, or of three channels, one after another.
+
+        Return what the method found for each image.
+        """
+        settings = self.request.of_choice(self.choice).arguments() | {"return_info": True}
+        found = []
         for image, estimate in zip(counts, out, strict=True):
             axis = None if image.ndim == 2 else -1
-            reconstruct(image, self.sensor, channel_axis=axis, out=estimate, **settings)
+            _, info = reconstruct(image, self.sensor, channel_axis=axis, out=estimate, **settings)
+            found.append(info.found_settings())
+        return found
 
 
 def _gray_images(counts: npt.NDArray[np.int32]) -> GrayImages:

@@ -161,13 +161,15 @@ class ImageJob(RecordedResult):
             self.capture.open(), spans, self.oversampling, threads, mapped=mapped
         )
         counts = next(counter.windows(0, 1))
-        image = self.estimator.with_threads(threads)(counts[None], warns=True)[0]
+        estimator = self.estimator.with_threads(threads)
+        (image,), found = estimator.run(counts[None], warns=True)
         record: Record = {
             "run": self.run,
             "input": {
                 "packed_bytes": counter.checksum.size,
                 "packed_crc32": f"{counter.checksum.value:08x}",
             },
+            "found": found,
             "minimum": float(image.min()),
             "maximum": float(image.max()),
         }

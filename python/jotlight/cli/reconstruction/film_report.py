@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,8 @@ class FilmSummary:
     """Largest intensity."""
     brightness: float = 0.0
     """Largest brightness of an image without its brightest 0.1 %."""
+    found: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    """The settings that the method found for each image."""
     models: list[str] = dataclasses.field(default_factory=list)
     """Models of the motions that were estimated anew."""
     accepted: list[float] = dataclasses.field(default_factory=list)

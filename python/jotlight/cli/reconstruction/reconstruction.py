@@ -91,10 +91,10 @@ def reconstruct_image(
             found = describe(merged, path)
         start = time.perf_counter()
         with with_clipping_of(job.choice):
-            estimate, ending, found_settings = _estimate(job, data, threads)
+            estimate, ending, settings = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
         metadata |= origin_of(job, sensors, checksum(), aligned)
-        metadata["options"] |= found_settings
+        metadata["found"] = settings
         known = None
         if outputs.uncertainty is not None:
             known = _uncertainty(job, data, estimate, outputs, threads)

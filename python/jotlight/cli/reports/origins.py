@@ -24,6 +24,7 @@ _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 _HOW = (
     *(
         "options",
+        "found",
         "motion",
         "model",
         "weights_sha256",
@@ -235,7 +236,8 @@ def _record_facts(record: dict[str, Any]) -> Facts:
         if f"{content}_crc32" in read:
             size, checksum = read.get(f"{content}_bytes"), read[f"{content}_crc32"]
             facts.append(("read", f"{size} bytes of {title}, crc32 {checksum}"))
-    facts += [(name, str(record[name])) for name in ("curve", "white") if name in record]
+    names = "found", "curve", "white"
+    facts += [(name, _text(record[name])) for name in names if record.get(name)]
     if "minimum" in record:
         facts.append(("values", f"{record['minimum']:.4g} to {record['maximum']:.4g}"))
     return facts
@@ -280,4 +282,4 @@ def _setting(name: str, value: Any) -> str:
     if name == "mosaic" and value is not None:
         with contextlib.suppress(ValueError):  # of a damaged record
             return repr(Mosaic.of(value))
-    return str(value)
+    return f"({_text(value)})" if isinstance(value, dict) else str(value)

@@ -30,8 +30,8 @@ class Info:
     def found_settings(self) -> dict[str, Any]:
         """Return the settings that the method found from the data, for a record.
 
-        They are the mean over the pixels of the weight of total variation, which differs from pixel
-        to pixel, a list of it for several channels, and the shares of a blend.
+        They are the mean over all pixels of the weight of total variation, which differs from pixel
+        to pixel, and the shares of a blend.
 
         Examples
         --------
@@ -43,12 +43,32 @@ class Info:
         settings: dict[str, Any] = {}
         if self.history is not None:
             each = self.history if isinstance(self.history, list) else [self.history]
-            weights = [float(np.mean(h.weight)) for h in each if np.ndim(h.weight) > 0]
+            weights = [np.mean(h.weight) for h in each if np.ndim(h.weight) > 0]
             if weights:
-                settings["mean_weight"] = weights if len(weights) > 1 else weights[0]
+                settings["mean_weight"] = float(np.mean(weights))
         if self.shares is not None:
             settings["shares"] = self.shares
         return settings
+
+
+def mean_settings(each: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the means of the settings that a method found for each of some images.
+
+    A share that an image lacks is 0.
+
+    Examples
+    --------
+    >>> mean_settings([{"mean_weight": 2.0}, {"mean_weight": 3.0}])
+    {'mean_weight': 2.5}
+    >>> mean_settings([{"shares": {"mle": 1.0}}, {"shares": {"mle": 0.5, "network": 0.5}}])
+    {'shares': {'mle': 0.75, 'network': 0.25}}
+    """
+    means: dict[str, Any] = {}
+    for name in dict.fromkeys(name for settings in each for name in settings):
+        values = [settings[name] for settings in each if name in settings]
+        is_group = isinstance(values[0], dict)
+        means[name] = mean_settings(values) if is_group else float(sum(values) / len(each))
+    return means
 
 
 def join_infos(infos: Sequence[Info], ending: str) -> Info:
@@ -79,9 +99,7 @@ def join_infos(infos: Sequence[Info], ending: str) -> Info:
             histories += info.history if isinstance(info.history, list) else [info.history]
     shares = None
     if first.shares is not None:
-        each = [info.shares or {} for info in infos]
-        names = dict.fromkeys(name for some in each for name in some)
-        shares = {name: float(np.mean([some.get(name, 0.0) for some in each])) for name in names}
+        shares = mean_settings([info.shares or {} for info in infos])
     return dataclasses.replace(
         first,
         title=f"{first.title}, {ending}",
