@@ -54,6 +54,8 @@ def test_a_batch_holds_different_mosaics_and_the_true_colors():
     assert ((shares.sum(1) == 1).all((1, 2))).sum() > 18
     part = loader.batch(0, slice(1, 3), 1)
     torch.testing.assert_close(part.data, batch.data[1:3])
+    by_threads = loader.batch(0, slice(None), 3)
+    torch.testing.assert_close(by_threads.data, batch.data, rtol=0, atol=0)
 
 
 def test_the_pixels_of_channels_have_all_filters():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jotlight.training import ColorDrawings
+from jotlight.training.color_drawings import draw_finest_rings
 
 
 @pytest.mark.slow
@@ -27,3 +28,20 @@ def test_channels_have_no_mosaic():
     source = ColorDrawings(mosaics=None)
     assert source.draw(np.random.default_rng(0), 8).mosaic is None
     assert source.fingerprint() != ColorDrawings().fingerprint()
+
+
+def test_the_finest_rings_change_their_sign_from_pixel_to_pixel():
+    """The correlation of neighbors is cos 2πf, on average -0.86 for f within 0.15 of a half."""
+    rng = np.random.default_rng(3)
+    lowest = []
+    for _ in range(300):
+        rings = draw_finest_rings(rng, 24).astype(np.float64)
+        assert rings.shape == (24, 24)
+        assert 0 <= rings.min() <= rings.max() <= 1
+        wave = rings[8:16, 8:16] - (rings.min() + rings.max()) / 2
+        wave /= max(abs(wave).max(), 1e-6)
+        squares = (wave**2).mean()
+        rows, columns = (wave[1:] * wave[:-1]).mean(), (wave[:, 1:] * wave[:, :-1]).mean()
+        lowest.append(min(rows, columns) / squares)
+    assert np.mean(lowest) < -0.8
+    assert np.mean(np.array(lowest) < 0) > 0.99

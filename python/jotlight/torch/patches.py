@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -192,7 +193,7 @@ class PatchLoader:
         ]
         patches = [self.source.draw(generator, self.side) for generator in generators]
         if exposures is not None:
-            return self._expose_conditional(patches, exposures, generators, shard)
+            return self._expose_conditional(patches, exposures, generators, shard, threads)
         truth = np.stack([patch.values for patch in patches])
         data = self._expose(truth, factors[shard], generators, threads)
         max_intensity = np.float32(self.sensor.max_intensity)
@@ -259,20 +260,22 @@ class PatchLoader:
         exposures: Exposures,
         generators: list[np.random.Generator],
         shard: slice,
+        threads: int,
     ) -> Batch:
         """Return a batch for a K-conditioned network."""
         dark_counts = exposures.dark_counts[shard]
         means = np.array([patch.image_mean for patch in patches])
         slopes = (exposures.light[shard] / np.maximum(means, 1e-6)).astype(np.float32)
-        trials, data = exposures.trials, []
-        each = zip(patches, slopes, dark_counts, generators, strict=True)
-        for patch, slope, dark, generator in each:
-            data.append(self.expose_patch(patch, slope, dark, trials, generator))
+        trials = [exposures.trials] * len(patches)
+        # The start of a color network takes as long as a step.
+        with ThreadPoolExecutor(threads) as pool:
+            each = patches, slopes, dark_counts, trials, generators
+            data = list(pool.map(self.expose_patch, *each))
         truth = np.stack([patch.values for patch in patches])
         return Batch(
             torch.from_numpy(np.stack(data)),
             torch.from_numpy(truth if truth.ndim == 4 else truth[:, None]),
-            trials,
+            exposures.trials,
             torch.from_numpy(slopes),
             torch.from_numpy(dark_counts.astype(np.float32)),
         )

@@ -1,8 +1,10 @@
 """Synthetic patches in color, for color networks."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.training.patch_sources import Patch, PatchSource
@@ -16,13 +18,21 @@ _BLACK_OR_WHITE = 1 / 2
 """Fraction of the colored drawings in which one of the two colors is black or white."""
 
 _FINE = 1 / 2
-"""Fraction of fine drawings."""
+"""Fraction of fine drawings, of those that are not the finest rings."""
+
+_FINEST = 1 / 4
+"""Fraction of the finest rings."""
+
+_FROM_CORNER = 0.15
+"""Largest difference of the frequency in the middle of these rings from a corner or a side of the
+band, in cycles per pixel."""
 
 
 class ColorDrawings(PatchSource):
     """Random drawings as those of :class:`SyntheticPatches`, with two colors for 0 and 1.
 
-    Three quarters stay gray, and half are fine drawings.
+    Three quarters stay gray. A quarter are the finest rings, which look like colors behind a Bayer
+    mosaic, and half of the others are fine drawings.
 
     Parameters
     ----------
@@ -45,7 +55,10 @@ class ColorDrawings(PatchSource):
 
     def draw(self, rng: np.random.Generator, side: int) -> Patch:
         """Return a random drawing."""
-        values, mean, _ = self._gray.draw(rng, side)
+        if rng.random() < _FINEST:
+            values, mean = draw_finest_rings(rng, side), 0.5
+        else:
+            values, mean, _ = self._gray.draw(rng, side)
         first, last = np.zeros(3), np.ones(3)
         if rng.random() >= _GRAY:
             first, last = rng.random((2, 3))
@@ -58,4 +71,20 @@ class ColorDrawings(PatchSource):
     def fingerprint(self) -> str:
         """Return the names of the class and of the mosaics, and the fraction of fine drawings."""
         name = getattr(self.mosaics, "__name__", type(self.mosaics).__name__)
-        return f"{type(self).__name__} {name} {self._gray.fingerprint()}"
+        return f"{type(self).__name__} {name} {_FINEST} {self._gray.fingerprint()}"
+
+
+def draw_finest_rings(rng: np.random.Generator, side: int) -> npt.NDArray[np.float32]:
+    """Return a part of a zone plate with full contrast near half a cycle per pixel, `(side, side)`.
+
+    At half a cycle, behind a Bayer mosaic, gray rows, columns, and checkerboards show the bits of a
+    color. Around them, rings show alternating colors, by which a network can recognize them.
+    """
+    frequency = np.array([(0.5, 0.5), (0.5, 0.0), (0.0, 0.5)][rng.integers(3)])
+    frequency += rng.uniform(-_FROM_CORNER, _FROM_CORNER, 2)
+    slope = 2 ** rng.uniform(-10, -6)
+    positions = np.arange(side) - (side - 1) / 2
+    phase = [positions * (each + slope / 2 * positions) for each in frequency]
+    wave = np.cos(2 * math.pi * (phase[0][:, None] + phase[1] + rng.random()))
+    dark, bright = np.sort(rng.random(2)) if rng.random() < 1 / 2 else (0, 1)
+    return np.asarray(dark + (bright - dark) * (wave + 1) / 2, np.float32)
