@@ -171,9 +171,10 @@ def main() -> None:
         device="cpu",
         threads=options.threads,
     )
+    source = "" if options.start is None else " --from FILE"
     stage = (
-        f"`python tools/train_color.py DATA {options.kind}` with {options.steps:,} steps by Muon "
-        f"at a learning rate of {options.learning_rate:g}"
+        f"`python tools/train_color.py DATA {options.kind}{source}` with {options.steps:,} steps "
+        f"by Muon at a learning rate of {options.learning_rate:g}"
     )
     network.history = with_stage(start.history, stage)
     # The next stage starts from these parameters, which are not rounded.
