@@ -192,7 +192,7 @@ def test_files_of_counts_state_their_number_of_trials(run, tmp_path, name):
         assert "counts out of 40, as the file states" in output
         assert "npy" in output
         np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), expected)
-    assert "npy, a.npy" in run("info", second, "--counts")[1]
+    assert "converted from a.npy" in run("info", second, "--counts")[1]
     reconstruct = ("reconstruct", first, "-o", "b.npy", "-m", "mle")
     for arguments, trials in ((["--frames", 50], 50), (["--frames", 40, "--oversampling", 2], 160)):
         status, output = run(*reconstruct, *arguments)

@@ -94,7 +94,7 @@ def reconstruct_image(
             estimate, ending, settings = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
         metadata |= origin_of(job, sensors, checksum(), aligned)
-        metadata["found"] = settings
+        metadata |= {"found": settings} if settings else {}
         known = None
         if outputs.uncertainty is not None:
             known = _uncertainty(job, data, estimate, outputs, threads)
