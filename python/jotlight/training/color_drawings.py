@@ -75,7 +75,7 @@ class ColorDrawings(PatchSource):
 
 
 def draw_finest_rings(rng: np.random.Generator, side: int) -> npt.NDArray[np.float32]:
-    """Return a part of a zone plate near half a cycle per pixel, at points, `(side, side)`.
+    """Return rings near half a cycle per pixel, sampled at points, `(side, side)`.
 
     At half a cycle, behind a Bayer mosaic, gray rows, columns, and checkerboards show the bits of a
     color. Around them, rings show alternating colors, by which a network can recognize them.
