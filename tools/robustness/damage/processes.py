@@ -53,13 +53,6 @@ def run(
     return subprocess.CompletedProcess(arguments, process.returncode, output, errors)
 
 
-def run_checked(arguments: Sequence[str], folder: Path, scratch: Path) -> None:
-    """Run a command that has to succeed."""
-    done = run(arguments, folder, scratch)
-    if done.returncode:
-        raise RuntimeError(f"jotlight {' '.join(arguments)}: {done.stderr.strip()}")
-
-
 def read_tree(folder: Path) -> Tree:
     """Return the digests of all files and folders below a folder."""
     return {
