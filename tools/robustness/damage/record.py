@@ -3,14 +3,15 @@
 import datetime as dt
 import json
 import platform
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[3]
+
+sys.path.append(str(ROOT / "benchmarks" / "speed"))
+from suite.machine import commit, version  # noqa: E402
 
 LIBRARIES = ("numpy", "h5py", "zarr", "numcodecs", "scipy", "pillow", "pypng", "tifffile")
 """Libraries that read and write files for jotlight."""
@@ -24,10 +25,10 @@ def facts(command: str) -> Row:
         "part": "run",
         "command": command,
         "date": dt.datetime.now(dt.UTC).date().isoformat(),
-        "commit": _commit(),
+        "commit": commit(),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
-        "libraries": {name: _version(name) for name in (*LIBRARIES, "torch")},
+        "libraries": {name: version(name) for name in (*LIBRARIES, "torch")},
     }
 
 
@@ -50,27 +51,6 @@ def read_rows(folder: Path) -> list[Row]:
         for path in sorted(folder.glob("*.jsonl"))
         for line in path.read_text("utf-8").splitlines()
     ]
-
-
-def _commit() -> str:
-    """Return the commit, followed by "+" if files differ from it, or "" outside of a checkout."""
-    try:
-        changed = _git("status", "--porcelain", "--untracked-files=no")
-        return _git("rev-parse", "--short=12", "HEAD") + ("+" if changed else "")
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-
-
-def _git(*words: str) -> str:
-    command = ["git", "-C", str(ROOT), *words]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 def report(text: str) -> None:
