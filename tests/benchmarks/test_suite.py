@@ -25,7 +25,7 @@ from suite.derived import (
     speedup,
 )
 from suite.page import build_report
-from suite.tables import comparison_table, method_table, thread_table
+from suite.tables import comparison_table, format_significant, method_table, thread_table
 from suite.tasks.filtering import NDIMAGE, ONE_TAP, OPENCV
 from suite.tasks.two_layer_network import BM3D, COMPILED, TORCH, TV
 from suite.timing import race
@@ -35,6 +35,13 @@ ROOT = Path(__file__).parents[2]
 
 def render(run):
     return render_markdown(build_report(run))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1234.5, "1,234"), (99.96, "100"), (0.01234, "0.0123"), (2, "2")]
+)
+def test_numbers_have_three_significant_figures(value, text):
+    assert format_significant(value) == text
 
 
 def test_quantities_follow_from_the_times():

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from jotlight.experiments.report.content import Column, Section, Table, Value, format_significant
+from jotlight.experiments.report.content import Column, Section, Table, Value
 from suite.derived import Task, ratio
-from suite.tables import thread_words
+from suite.tables import format_significant, thread_words
 from suite.tasks.deep_rivals import PROGRAMS, RELU
 
 TASK_TITLE = "Network, "

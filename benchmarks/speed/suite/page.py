@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from jotlight.experiments.report.changes import changes_since
-from jotlight.experiments.report.content import Report, Section, format_significant
+from jotlight.experiments.report.content import Report, Section
 from suite.comparisons import comparisons
 from suite.competitors import competitor_sections
 from suite.curves import cost_curves, size_curves, thread_curves
 from suite.derived import Task, filter_share_of_peak, median, share_of_bound, speedup
 from suite.tables import (
     comparison_table,
+    format_significant,
     latency_table,
     machine_table,
     method_table,

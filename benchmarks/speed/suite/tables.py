@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from jotlight.experiments.report.changes import row_title
-from jotlight.experiments.report.content import Column, Table, Value, format_significant
+from jotlight.experiments.report.content import Column, Table, Value
 from suite.comparisons import comparisons
 from suite.derived import (
     Task,
@@ -250,3 +250,8 @@ def latency_table(times: dict[str, list[float]]) -> Table:
 def thread_words(threads: int) -> str:
     """Return a number of threads in words."""
     return "1 thread" if threads == 1 else f"{threads} threads"
+
+
+def format_significant(value: float) -> str:
+    """Return a number with three significant figures, or as a whole number from 100 on."""
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"

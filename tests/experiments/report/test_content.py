@@ -1,28 +1,11 @@
 """Cells of tables, their best values, and the Markdown of a report."""
 
-import pytest
-
-from jotlight.experiments.report.content import (
-    Claim,
-    Column,
-    Curves,
-    Report,
-    Section,
-    Table,
-    format_significant,
-)
+from jotlight.experiments.report.content import Claim, Column, Curves, Report, Section, Table
 from jotlight.experiments.report.markdown import heading_anchor, render_markdown
 
 
-@pytest.mark.parametrize(
-    ("value", "text"), [(1234.5, "1,234"), (99.96, "100"), (0.01234, "0.0123"), (2, "2")]
-)
-def test_numbers_have_three_significant_figures(value, text):
-    assert format_significant(value) == text
-
-
 def test_a_cell_is_written_in_the_format_of_its_column():
-    columns = [Column("a"), Column("b", ".1f"), Column("c", format_significant), Column("d", ".0%")]
+    columns = [Column("a"), Column("b", ".1f"), Column("c", "{:,.0f}".format), Column("d", ".0%")]
     table = Table("", columns, [["x", 1.25, 1234.5, 0.5], [7, None, None, None]])
     assert [table.cell(0, column) for column in range(4)] == ["x", "1.2", "1,234", "50%"]
     assert [table.cell(1, column) for column in range(4)] == ["7", "–", "–", "–"]

@@ -14,17 +14,6 @@ Verdict = Literal["reproduced", "better", "in part", "not reproduced", "not test
 """
 
 
-def format_significant(value: float) -> str:
-    """Return a number with three significant figures, or as a whole number from 100 on.
-
-    Examples
-    --------
-    >>> format_significant(0.012345), format_significant(1234.5)
-    ('0.0123', '1,234')
-    """
-    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
-
-
 @dataclasses.dataclass(frozen=True)
 class Claim:
     """A statement of the paper beside what was measured."""
