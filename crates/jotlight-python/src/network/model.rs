@@ -104,12 +104,6 @@ impl PyNetwork {
         self.0.halo()
     }
 
-    /// The smallest and the largest value of each layer, for any data.
-    #[getter]
-    fn output_bounds(&self) -> Vec<(f64, f64)> {
-        self.0.output_bounds().to_vec()
-    }
-
     /// Return whether the network estimates P(b = 0) for a sensor.
     fn estimates_zeros(&self, sensor: PySensorModel) -> PyResult<bool> {
         Ok(self.0.estimates_zeros(&sensor.to_engine()?))

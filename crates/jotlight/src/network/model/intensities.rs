@@ -21,7 +21,7 @@ impl Reconstruction<'_> {
         let response = &self.sensor.response;
         let max = response.max_intensity as f32;
         if let Served::Sensor(_) = self.network.served {
-            let bounds = self.network.bounds.last().copied();
+            let bounds = self.network.output_bounds;
             if bounds.is_some_and(|(low, high)| low >= 0.0 && high as f32 <= max) {
                 return Ok(());
             }

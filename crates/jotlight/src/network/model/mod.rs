@@ -138,8 +138,8 @@ pub struct Network {
     precision: Precision,
     halo: usize,
     size_divisor: usize,
-    /// The smallest and the largest value that each layer may have.
-    bounds: Vec<bounds::Interval>,
+    /// The smallest and the largest value that the last layer may have.
+    output_bounds: Option<bounds::Interval>,
     kept: Arc<Mutex<Vec<kept_layers::Kept>>>,
 }
 
@@ -158,7 +158,7 @@ impl Network {
             precision: Precision::F32,
             halo: 0,
             size_divisor: 1,
-            bounds: Vec::new(),
+            output_bounds: None,
             kept: Arc::default(),
         };
         if network.layers.is_empty() {
@@ -193,7 +193,7 @@ impl Network {
             Served::Trials { min, .. } => (min, Some(1), 1.0),
             Served::Planes { min, .. } => (min, None, std::f64::consts::FRAC_PI_2),
         };
-        network.bounds = bounds::output_bounds(&network.layers, max_input)?;
+        network.output_bounds = bounds::output_bounds(&network.layers, max_input)?.pop();
         let mut layers = Vec::new();
         for parameters in network.conditioned(f64::from(trials), false)? {
             layers.push(parameters.into_layer()?);
@@ -242,12 +242,6 @@ impl Network {
     #[must_use]
     pub fn served(&self) -> Served {
         self.served
-    }
-
-    /// Return the smallest and the largest value that each layer may have, for any data.
-    #[must_use]
-    pub fn output_bounds(&self) -> &[(f64, f64)] {
-        &self.bounds
     }
 
     /// Return what is necessary for the data of a sensor.
