@@ -165,14 +165,7 @@ class Likelihood(HasReadOnlyArrays):
         engine.likelihood_information(self.engine_argument(), flat, information, self._threads)
         return information.reshape(self.shape)
 
-    def proximal(
-        self,
-        point: npt.ArrayLike,
-        penalty: float,
-        *,
-        max_light: float,
-        guess: npt.ArrayLike | None = None,
-    ) -> Array:
+    def proximal(self, point: npt.ArrayLike, penalty: float, *, max_light: float) -> Array:
         """Return the x in [0, `max_light`] that minimizes -ℓ(x) + ½ `penalty` ‖x - point‖².
 
         Parameters
@@ -183,9 +176,6 @@ class Likelihood(HasReadOnlyArrays):
             The weight of the distance, above 0.
         max_light : float
             The upper bound of x.
-        guess : array_like of float, optional
-            The start of the search, 0 or more. A good guess saves time, but does not change the
-            result.
 
         Raises
         ------
@@ -202,15 +192,15 @@ class Likelihood(HasReadOnlyArrays):
                 "penalty and max_light: expected finite numbers above 0, "
                 f"got {penalty} and {max_light}"
             )
-        # The engine overwrites this copy with the result.
-        flat = np.array(self._broadcast("point", point)).reshape(-1)
-        if np.isnan(flat).any():
+        # The search starts at the point, and the engine overwrites its copy with the result.
+        start = np.ravel(self._broadcast("point", point))
+        if np.isnan(start).any():
             raise ValueError("point: expected numbers, got NaN")
-        start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
+        found = start.copy()
         engine.likelihood_proximal(
-            self.engine_argument(), penalty, max_light, start, flat, self._threads
+            self.engine_argument(), penalty, max_light, start, found, self._threads
         )
-        return flat.reshape(self.shape)
+        return found.reshape(self.shape)
 
     def admm_update(
         self, step: tuple[Array, float], max_light: float, light: Array, x: Array, dual: Array
@@ -248,10 +238,10 @@ class Likelihood(HasReadOnlyArrays):
         other.shape = other.ones.shape
         return other
 
-    def _light(self, light: npt.ArrayLike, name: str = "light") -> Array:
-        array = self._broadcast(name, light)
+    def _light(self, light: npt.ArrayLike) -> Array:
+        array = self._broadcast("light", light)
         if not array.min() >= 0:
-            raise ValueError(f"{name}: expected 0 or more, got {array.min()}")
+            raise ValueError(f"light: expected 0 or more, got {array.min()}")
         return array
 
     def _broadcast(self, name: str, values: npt.ArrayLike) -> Array:
