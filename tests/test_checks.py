@@ -15,7 +15,6 @@ from jotlight.checks import (
     to_array,
     whole_number,
     whole_number_in_range,
-    whole_numbers,
 )
 
 
@@ -62,26 +61,6 @@ def test_anything_else_is_not_a_positive_number(value):
 @pytest.mark.parametrize("value", [True, "1", None, [1.0], 1j])
 def test_anything_but_a_single_real_number_is_nan(value):
     assert np.isnan(real_number(value))
-
-
-@pytest.mark.parametrize("values", [[0, 1], np.array([0, 1], np.uint64), [False, True]])
-def test_whole_numbers_become_int32(values):
-    array = whole_numbers("ones", values)
-    assert (array.dtype, array.tolist()) == (np.int32, [0, 1])
-
-
-@pytest.mark.parametrize(
-    ("values", "error", "message"),
-    [
-        ([0.0], TypeError, "ones: expected whole numbers, got float64"),
-        (np.ma.array([1]), TypeError, "ones: expected a plain array"),
-        ([-1], ValueError, r"ones: expected 0 to 2\*\*31 - 1, got -1 to -1"),
-        ([2**31], ValueError, r"ones: expected 0 to 2\*\*31 - 1"),
-    ],
-)
-def test_other_arrays_are_not_whole_numbers(values, error, message):
-    with pytest.raises(error, match=message):
-        whole_numbers("ones", values)
 
 
 def test_an_image_of_bool_becomes_floats_without_a_division():

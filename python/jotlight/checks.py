@@ -186,29 +186,6 @@ def refuse_data(name: str, data: object) -> None:
             raise TypeError(f"{name}: expected an array, got {type(each).__name__}; {advice}")
 
 
-def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
-    """Return an array of whole numbers from 0 to 2**31 - 1 as aligned int32 in C order.
-
-    Raises
-    ------
-    TypeError
-        For floats and for masked arrays.
-    ValueError
-        When a number is out of range.
-
-    Examples
-    --------
-    >>> whole_numbers("ones", [True, False]).tolist()
-    [1, 0]
-    """
-    array = to_array(name, values)
-    if array.dtype.kind not in "iub":
-        raise TypeError(f"{name}: expected whole numbers, got {type_of(values, array)}")
-    if array.size and (array.min() < 0 or array.max() >= 2**31):
-        raise ValueError(f"{name}: expected 0 to 2**31 - 1, got {array.min()} to {array.max()}")
-    return np.require(array, np.int32, ["C", "ALIGNED"])
-
-
 def require_intensities(name: str, image: npt.NDArray[Any]) -> None:
     """Raise TypeError unless an image holds floats. The message says how to convert it.
 

@@ -162,7 +162,7 @@ def build_residual(
     ]
     builder = Builder(start, rng)
     add_unet(builder, architecture, source=0)
-    return add_head(builder, identity_spline(float(sensor.max_intensity)), skip=1)
+    return add_head(builder, identity_spline(float(sensor.max_intensity)))
 
 
 def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
@@ -203,7 +203,7 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
     ]
     builder = Builder(start, rng)
     add_unet(builder, find_architecture(name), source=2)
-    return [with_sets(layer) for layer in add_head(builder, probability, skip=1)]
+    return [with_sets(layer) for layer in add_head(builder, probability)]
 
 
 def fit_probability() -> Spline:
@@ -270,14 +270,14 @@ def add_unet(builder: Builder, architecture: Architecture, source: int) -> None:
             builder.add(architecture.channels[depth], 3)
 
 
-def add_head(builder: Builder, spline: Spline, skip: int) -> list[Layer]:
+def add_head(builder: Builder, spline: Spline) -> list[Layer]:
     """Return all layers after appending the last one.
 
-    Its filters are 0, so before training its output is φ of layer `skip`.
+    Its filters are 0, so before training its output is φ of layer 1, which the network corrects.
     """
     outputs = len(spline[0])
     zeros = np.zeros((4 * outputs, builder.layers[-1].channels, 3, 3), np.float32)
-    builder.layers.append(Layer(zeros, *spline, upsampling=2, skip=skip, trainable="filters"))
+    builder.layers.append(Layer(zeros, *spline, upsampling=2, skip=1, trainable="filters"))
     return builder.layers
 
 

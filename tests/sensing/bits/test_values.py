@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.bits.values import flatten
+from jotlight.sensing.bits.values import flatten, numbers_of_ones
 
 
 def test_a_contiguous_map_is_flattened_without_a_copy():
@@ -27,6 +27,26 @@ def test_a_map_that_images_share_is_contiguous(stack):
     flat = flatten(map_)
     assert flat.flags.c_contiguous
     assert flat.tolist() == [0.5] * map_.size
+
+
+@pytest.mark.parametrize("values", [[0, 1], np.array([0, 1], np.uint64), [False, True]])
+def test_numbers_of_ones_become_int32(values):
+    array = numbers_of_ones(values)
+    assert (array.dtype, array.tolist()) == (np.int32, [0, 1])
+
+
+@pytest.mark.parametrize(
+    ("values", "error", "message"),
+    [
+        ([0.0], TypeError, "ones: expected whole numbers, got float64"),
+        (np.ma.array([1]), TypeError, "ones: expected a plain array"),
+        ([-1], ValueError, r"ones: expected 0 to 2\*\*31 - 1, got -1 to -1"),
+        ([2**31], ValueError, r"ones: expected 0 to 2\*\*31 - 1"),
+    ],
+)
+def test_other_arrays_are_not_numbers_of_ones(values, error, message):
+    with pytest.raises(error, match=message):
+        numbers_of_ones(values)
 
 
 def test_data_that_are_no_numbers_of_ones_are_named():

@@ -50,7 +50,7 @@ def build_correction(
     builder = Builder([first, Layer(taps, *shift, trainable="nothing")], rng)
     add_unet(builder, find_architecture(name), source=0)
     probability = _for_each(outputs, fit_probability())
-    return [with_sets(layer) for layer in add_head(builder, probability, skip=1)]
+    return [with_sets(layer) for layer in add_head(builder, probability)]
 
 
 def _for_each(outputs: int, spline: Spline) -> Spline:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import MAX_SHOWN, shown, to_array, whole_numbers
+from jotlight.checks import MAX_SHOWN, shown, to_array, type_of
 from jotlight.sensing.bits.readings import Readings
 
 
@@ -85,8 +85,10 @@ def numbers_of_ones(ones: npt.ArrayLike | Readings) -> npt.NDArray[np.int32]:
 
     Raises
     ------
-    TypeError, ValueError
-        For readings of several bits, and for others than whole numbers from 0.
+    TypeError
+        For readings of several bits, floats, and masked arrays.
+    ValueError
+        When a number is not 0 to 2**31 - 1.
 
     Examples
     --------
@@ -98,7 +100,12 @@ def numbers_of_ones(ones: npt.ArrayLike | Readings) -> npt.NDArray[np.int32]:
             "ones: expected numbers of ones, got Readings of several bits; jotlight.merge_readings "
             "turns readings and their sensor into ones and trials"
         )
-    return whole_numbers("ones", ones)
+    array = to_array("ones", ones)
+    if array.dtype.kind not in "iub":
+        raise TypeError(f"ones: expected whole numbers, got {type_of(ones, array)}")
+    if array.size and (array.min() < 0 or array.max() >= 2**31):
+        raise ValueError(f"ones: expected 0 to 2**31 - 1, got {array.min()} to {array.max()}")
+    return np.require(array, np.int32, ["C", "ALIGNED"])
 
 
 def number_or_map(

@@ -117,8 +117,9 @@ class Mosaic(HasReadOnlyArrays):
 
     def to_json(self) -> dict[str, Any]:
         """Return the mosaic as values of JSON, which :meth:`of` reads."""
+        pattern = self.pattern
         return {
-            "pattern": mosaic_text.pattern_to_json(self.pattern, MAX_PERIOD),
+            "pattern": pattern.tolist() if self.repeats else mosaic_text.compress_map(pattern),
             "filters": self.filters,
             "transmission": self.transmission.tolist(),
             "white_balance": self.white_balance.tolist(),

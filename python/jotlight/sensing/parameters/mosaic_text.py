@@ -112,13 +112,11 @@ def letters_of(pattern: Pattern, filters: str) -> str:
     return "/".join(rows) + "/" * (pattern.shape == (1, 4))
 
 
-def pattern_to_json(pattern: Pattern, max_side: int) -> list[list[int]] | dict[str, Any]:
-    """Return the indices of the filters as lists, or a large map as compressed text.
+def compress_map(pattern: Pattern) -> dict[str, Any]:
+    """Return a map of filters as compressed text, and its size.
 
     The size has this name because tifffile takes a TIFF description with "shape" for its own.
     """
-    if max(pattern.shape) <= max_side:
-        return pattern.tolist()  # type: ignore[no-any-return]
     text = base64.b64encode(zlib.compress(pattern.tobytes(), 9)).decode()
     return {"size": list(pattern.shape), "zlib": text}
 
