@@ -19,7 +19,7 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.torch import fastest_precision, train
-from jotlight.torch.muon import OPTIMIZERS
+from jotlight.torch.optimizers import OPTIMIZERS
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 import training_data

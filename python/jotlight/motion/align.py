@@ -21,7 +21,7 @@ from jotlight.motion.counts.sensor_blocks import as_blocks, excluded_jots
 from jotlight.motion.displacements.track import Paths
 from jotlight.motion.fast_motion import find_fast_motion, report_fast_motion
 from jotlight.motion.merging.jot_kinds import frames_of_kinds
-from jotlight.motion.merging.squares import enlarge_motion, in_squares, squares_side
+from jotlight.motion.merging.jot_squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
 from jotlight.motion.tiles import TILE, tile_counts

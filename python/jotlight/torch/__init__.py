@@ -3,10 +3,10 @@
 In reading order: `network` (a network as a module), `splines`, `filter_bank`, `padding`, and
 `parameters` (its parts), `estimates` (from its outputs to intensities), `data_checks` (of its
 input), `sensing` and `response` (the sensor as a differentiable layer), `training`,
-`image_trainer`, `patches`, `precision`, and `muon` (training on images), `planes_network`,
-`color_patches`, and `film_patches` (networks of colors and of films), `fine_tuning`,
-`bit_splitting`, and `blind_spots` (training on a capture), `trainer`, `ahead`, and `distributed`
-(the loop of all), and `deepinv` (adapters for that library, extra `deepinv`).
+`image_trainer`, `patches`, `precision`, `optimizers`, and `muon` (training on images),
+`planes_network`, `color_patches`, and `film_patches` (networks of colors and of films),
+`fine_tuning`, `bit_splitting`, and `blind_spots` (training on a capture), `trainer`, `ahead`, and
+`distributed` (the loop of all), and `deepinv` (adapters for that library, extra `deepinv`).
 
 Examples
 --------

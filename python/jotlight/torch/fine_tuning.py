@@ -36,7 +36,7 @@ from jotlight.torch.trainer import Trainer, recorded_gradients
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.images import fingerprint_images
-from jotlight.training.optimizer import State
+from jotlight.training.optimizer_protocol import State
 from jotlight.training.parameters import fingerprint_network
 from jotlight.training.reporting import shown_steps
 

@@ -15,7 +15,7 @@ from jotlight.torch.trainer import Trainer, flatten
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import Record
 from jotlight.training.images import Images
-from jotlight.training.optimizer import State
+from jotlight.training.optimizer_protocol import State
 
 _AVERAGE_DECAY = 0.999
 """Decay rate of the moving average of the parameters: it spans about 1,000 steps."""

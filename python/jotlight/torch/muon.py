@@ -1,7 +1,6 @@
 """Muon: an optimizer that changes filter banks by orthogonal matrices, and the rest by Adam."""
 
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Iterable
 from typing import Any
 
 import torch
@@ -155,10 +154,3 @@ def orthogonalize(matrices: Tensor) -> Tensor:
         x = a * x + (b * products + c * products @ products) @ x
     found: Tensor = x.mT if is_tall else x
     return found
-
-
-OPTIMIZERS: dict[str, Callable[..., torch.optim.Adam]] = {
-    "muon": Muon,
-    "adam": partial(torch.optim.Adam, betas=BETAS),
-}
-"""Optimizers by name, functions of the parameters and of the learning rate."""

@@ -12,11 +12,11 @@ from torch import Tensor, nn
 
 from jotlight.array_types import Array
 from jotlight.torch.distributed import ProcessGroup
-from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
+from jotlight.torch.optimizers import OPTIMIZERS
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.history import History, Record
-from jotlight.training.optimizer import State
+from jotlight.training.optimizer_protocol import State
 from jotlight.training.reporting import StepReport
 
 _MAX_GRADIENT_NORM = 0.1
@@ -48,7 +48,7 @@ class Trainer:
     group : ProcessGroup
         Processes that train together.
     optimizer : str
-        A name in :data:`jotlight.torch.muon.OPTIMIZERS`.
+        A name in :data:`jotlight.torch.optimizers.OPTIMIZERS`.
     """
 
     state_names: tuple[str, ...] = ("exp_avg", "exp_avg_sq")

@@ -24,8 +24,8 @@ from jotlight.torch.color_patches import ColorPatchLoader
 from jotlight.torch.distributed import choose_device, process_group, thread_limit
 from jotlight.torch.film_patches import FilmPatchLoader
 from jotlight.torch.image_trainer import ImageTrainer
-from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
+from jotlight.torch.optimizers import OPTIMIZERS
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.planes_network import PlanesNetwork as TorchPlanesNetwork
 from jotlight.torch.precision import filter_dtype_of

@@ -5,7 +5,7 @@ sources of patches feed :func:`jotlight.torch.train`, which trains deep networks
 
 The modules, in reading order: `train` (the function), `run` (its settings, steps, and result),
 `patches` and `images` (training examples), `cost` (the objective and its gradient), `parameters`
-(all parameters as one vector), `admissible` (the set that they stay in), `optimizer`,
+(all parameters as one vector), `admissible` (the set that they stay in), `optimizer_protocol`,
 `optimizers`, and `gauss_newton` (steps), `history` and `checkpoint` (records and state of a run),
 `reporting` and `figure` (its progress and its curves). `patch_sources`, `photographs`,
 `url_photographs`, `synthetic_patches`, `color_patches` and `color_drawings` (both with
@@ -19,7 +19,7 @@ from jotlight.training.cost import Cost
 from jotlight.training.film_patches import FilmExample, FilmPatches
 from jotlight.training.gauss_newton import GaussNewton
 from jotlight.training.history import History, Record
-from jotlight.training.optimizer import Optimizer, Step
+from jotlight.training.optimizer_protocol import Optimizer, Step
 from jotlight.training.optimizers import OPTIMIZERS, Adam, ProjectedGradient
 from jotlight.training.parameters import parameter_vector, split_vector, with_parameters
 from jotlight.training.patch_sources import (

@@ -15,7 +15,7 @@ from jotlight.checks import whole_number
 from jotlight.paths import as_path
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.training.history import History
-from jotlight.training.optimizer import State
+from jotlight.training.optimizer_protocol import State
 
 _FORMAT = "jotlight checkpoint"
 _VERSION = "1"

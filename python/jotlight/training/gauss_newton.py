@@ -12,7 +12,7 @@ from jotlight.checks import positive_number
 from jotlight.interrupts import interruptible
 from jotlight.networks.network import Network
 from jotlight.training.cost import Cost
-from jotlight.training.optimizer import State, Step
+from jotlight.training.optimizer_protocol import State, Step
 
 _LINE_SEARCH_SIZES = 7
 """Number of step sizes in the line search: 1, 1/2, 1/4, and so on."""

@@ -14,7 +14,7 @@ from jotlight.networks.network import Network
 from jotlight.parameter_names import check_choice
 from jotlight.training.cost import Cost
 from jotlight.training.gauss_newton import GaussNewton
-from jotlight.training.optimizer import Optimizer, State, Step
+from jotlight.training.optimizer_protocol import Optimizer, State, Step
 from jotlight.training.parameters import split_vector
 
 _FILTER_RANGE = 0.2

@@ -17,7 +17,7 @@ from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.cost import Cost, mean_psnr
 from jotlight.training.history import History, Record
 from jotlight.training.images import fingerprint_images
-from jotlight.training.optimizer import Optimizer, Step
+from jotlight.training.optimizer_protocol import Optimizer, Step
 from jotlight.training.parameters import fingerprint_network, with_parameters
 from jotlight.training.patches import PatchSampler
 from jotlight.training.reporting import StepReport

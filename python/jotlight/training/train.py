@@ -19,7 +19,7 @@ from jotlight.training.admissible import AdmissibleSet, SafeSet
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import TrainingImages, check_images
-from jotlight.training.optimizer import Optimizer
+from jotlight.training.optimizer_protocol import Optimizer
 from jotlight.training.optimizers import find_optimizer
 from jotlight.training.parameters import parameter_vector
 from jotlight.training.patches import PatchSampler, trained_sensor

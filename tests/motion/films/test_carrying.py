@@ -9,7 +9,7 @@ import jotlight as jl
 from jotlight.motion.films.candidates import Candidates
 from jotlight.motion.films.carrying import carry
 from jotlight.motion.films.merging import FilmMerging
-from jotlight.motion.merging.squares import enlarge_motion, in_squares
+from jotlight.motion.merging.jot_squares import enlarge_motion, in_squares
 from moving import behind, film_settings, in_memory, photographed
 
 

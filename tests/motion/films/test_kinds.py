@@ -10,8 +10,8 @@ from jotlight.motion.films.film import film
 from jotlight.motion.films.frames import FilmFrames
 from jotlight.motion.films.kinds import FilmKinds
 from jotlight.motion.films.live_film import LiveFilm
+from jotlight.motion.merging.jot_squares import in_squares
 from jotlight.motion.merging.mosaic_colors import is_mergeable
-from jotlight.motion.merging.squares import in_squares
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.parameters.reading_groups import without_mosaic
 from moving import behind, film_settings

@@ -91,7 +91,7 @@ def deep_learner(
     MissingExtraError
         When PyTorch is not installed.
     """
-    from jotlight.torch import distributed, muon
+    from jotlight.torch import distributed, optimizers
     from jotlight.torch import training as deep_training
 
     check_device(device)
@@ -102,7 +102,7 @@ def deep_learner(
         "device": device,
     }
     for option, value, choices in (
-        ("optimizer", name, tuple(muon.OPTIMIZERS)),
+        ("optimizer", name, tuple(optimizers.OPTIMIZERS)),
         ("precision", precision, PRECISIONS),
     ):
         if value is not None:

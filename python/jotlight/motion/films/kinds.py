@@ -16,13 +16,13 @@ from jotlight.motion.films.settings import FilmSettings
 from jotlight.motion.films.state import FilmState
 from jotlight.motion.merge import check_upsample, paths_along
 from jotlight.motion.merging.jot_kinds import frames_of_kinds, join_kinds, sensors_of_kinds
-from jotlight.motion.merging.mosaic_colors import check_mergeable
-from jotlight.motion.merging.squares import (
+from jotlight.motion.merging.jot_squares import (
     JotSquares,
     UnsignedCounts,
     enlarge_motion,
     trials_of_frame,
 )
+from jotlight.motion.merging.mosaic_colors import check_mergeable
 from jotlight.motion.motion import Motion
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.merged import Merged

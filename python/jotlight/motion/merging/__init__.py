@@ -4,6 +4,6 @@ In reading order:
 
 - ``merged_pixels``: sums over jots along a motion as the counts of pixels. ``finer``: a grid of
   half pixels.
-- ``jot_kinds``, ``squares``: jots behind color filters, or with different thresholds.
+- ``jot_kinds``, ``jot_squares``: jots behind color filters, or with different thresholds.
   ``mosaic_colors``, ``threshold_maps``: their merged counts.
 """

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from jotlight.array_types import Array
 from jotlight.estimators.merge_readings import round_ones
+from jotlight.motion.merging.jot_squares import squares_side
 from jotlight.motion.merging.merged_pixels import mean_map
-from jotlight.motion.merging.squares import squares_side
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.parameters.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor

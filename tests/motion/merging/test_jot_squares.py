@@ -9,9 +9,9 @@ import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.metrics import psnr
 from jotlight.motion.films.film import film
-from jotlight.motion.merging import squares
+from jotlight.motion.merging import jot_squares
+from jotlight.motion.merging.jot_squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.merging.mosaic_colors import _with_neighbors, sensors_of_colors
-from jotlight.motion.merging.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import tile_centers
 from jotlight.sensing.bits.frames import Frames
 from jotlight.sensing.parameters.mosaic import Mosaic
@@ -58,7 +58,7 @@ def test_squares_hold_the_sums_of_good_jots(mosaic, oversampling, side, monkeypa
     bits = jl.Bits.from_array(frames, sensor=sensor)
     assert squares_side(sensor) == side
     stack, own = in_squares(bits, sensor, excluded)
-    monkeypatch.setattr(squares, "_MAX_BYTES", 0)
+    monkeypatch.setattr(jot_squares, "_MAX_BYTES", 0)
     lazy, _ = in_squares(bits, sensor, excluded)
     assert isinstance(lazy.images, Frames)
     np.testing.assert_array_equal(np.asarray(lazy.images), stack.images)
