@@ -23,7 +23,7 @@ ORDER = (
     "figure_style figures progress chunks interrupts layout memory output_files output_links "
     "disk_space temporary_names write_errors files tensors paths < sensing < calibration formats "
     "metrics < estimators images < datasets networks < motion training < torch plots < evaluation "
-    "< dask experiments < view < cli napari < jotlight"
+    "< runs experiments < dask view < cli napari < jotlight"
 )
 """The units, from the lowest rank to the highest; `jotlight` is `__init__.py` and `__main__.py`."""
 

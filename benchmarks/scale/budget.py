@@ -17,7 +17,7 @@ import numpy as np
 from timing import FRAME, FRAME_BYTES, GIB, make_capture
 
 import jotlight as jl
-from jotlight.dask.chunk_counting import add_counts
+from jotlight.runs.chunk_counting import add_counts
 
 WINDOW = 1024
 FRAMES = GIB // FRAME_BYTES

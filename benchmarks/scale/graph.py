@@ -18,10 +18,10 @@ import dask
 from timing import make_capture
 
 import jotlight as jl
-from jotlight.dask.jobs import CaptureSource, VideoJob
-from jotlight.dask.running import Cluster
-from jotlight.dask.spans import Spans
-from jotlight.dask.store import VideoStore
+from jotlight.runs.jobs import CaptureSource, VideoJob
+from jotlight.runs.running import Cluster
+from jotlight.runs.spans import Spans
+from jotlight.runs.store import VideoStore
 
 GIB = 1 << 30
 FRAME_BYTES = 512 * 64

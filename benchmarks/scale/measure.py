@@ -40,16 +40,16 @@ from timing import (
 )
 
 import jotlight as jl
-from jotlight.dask.chunk_counting import add_counts
-from jotlight.dask.cluster import connected
-from jotlight.dask.estimator import choose_estimator
-from jotlight.dask.jobs import CaptureSource, VideoJob
-from jotlight.dask.running import Cluster, ThisProcess, run_jobs
-from jotlight.dask.spans import Spans
-from jotlight.dask.store import VideoStore
-from jotlight.dask.streaming import Checksum, WindowCounter
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.reading import open_capture
+from jotlight.runs.chunk_counting import add_counts
+from jotlight.runs.cluster import connected
+from jotlight.runs.estimator import choose_estimator
+from jotlight.runs.jobs import CaptureSource, VideoJob
+from jotlight.runs.running import Cluster, ThisProcess, run_jobs
+from jotlight.runs.spans import Spans
+from jotlight.runs.store import VideoStore
+from jotlight.runs.streaming import Checksum, WindowCounter
 
 WORKERS = 2
 

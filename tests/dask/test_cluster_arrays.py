@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask.capture_source import CaptureSource
-from jotlight.dask.cluster import connected
-from jotlight.dask.jobs import VideoJob
-from jotlight.dask.running import Cluster
-from jotlight.dask.spans import Spans
-from jotlight.dask.store import VideoStore
 from jotlight.errors import error_message
+from jotlight.runs.capture_source import CaptureSource
+from jotlight.runs.cluster import connected
+from jotlight.runs.jobs import VideoJob
+from jotlight.runs.running import Cluster
+from jotlight.runs.spans import Spans
+from jotlight.runs.store import VideoStore
 from worker_tasks import read_file
 
 pytestmark = pytest.mark.slow

@@ -126,7 +126,7 @@ def test_an_array_of_packed_bits_needs_the_width(function):
 
 def test_a_worker_with_another_version_is_refused(monkeypatch):
     counts = counting.count(jl.Bits.from_array(np.ones((8, 4, 8), bool)), 4)
-    monkeypatch.setattr("jotlight.dask.cluster.__version__", "0.0.1")
+    monkeypatch.setattr("jotlight.runs.cluster.__version__", "0.0.1")
     with pytest.raises(RuntimeError, match=r"expected jotlight .* on each worker, got 0\.0\.1"):
         counts.compute()
 

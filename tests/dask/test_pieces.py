@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask import chunk_counting, pieces
-from jotlight.dask.estimator import Estimator
+from jotlight.dask import pieces
 from jotlight.dask.pieces import Pieces
-from jotlight.dask.spans import Spans
+from jotlight.runs import chunk_counting
+from jotlight.runs.estimator import Estimator
+from jotlight.runs.spans import Spans
 from jotlight.sensing.bits.frames import Frames
 
 

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask import estimator, reconstruction
+from jotlight.dask import reconstruction
 from jotlight.evaluation.methods import METHODS
+from jotlight.runs import estimator
 
 pytestmark = pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask.estimator import choose_estimator
+from jotlight.runs.estimator import choose_estimator
 from jotlight.sensing.parameters.mosaic import Mosaic
 
 SCENE = jl.datasets.photograph("astronaut")[40:160:4, 160:288:4].astype(np.float64)

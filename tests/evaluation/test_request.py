@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask.estimator import choose_estimator
 from jotlight.evaluation.request import Request
 from jotlight.networks.pretrained import MOSAIC_FILE, pretrained_color
+from jotlight.runs.estimator import choose_estimator
 
 GRAY = jl.Sensor(frames=16)
 MOSAIC = jl.Sensor(frames=16, mosaic="RGGB")

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jotlight.dask.reporting import naming_worker
+from jotlight.runs.reporting import naming_worker
 
 
 @naming_worker()

@@ -11,8 +11,6 @@ from jotlight.cli.captures.captured import check_outputs_of, provenance_notes
 from jotlight.cli.options.capture_options import CaptureOptions
 from jotlight.cli.options.run_options import CapturePaths, RunOptions, name_output
 from jotlight.cli.terminal.console import progress, report, shape_text
-from jotlight.dask.jobs import conversion_record, conversion_text
-from jotlight.dask.records import read_json
 from jotlight.files import atomic_write, write_file
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.frames.checked_reading import with_checksum
@@ -21,6 +19,8 @@ from jotlight.formats.opening.locations import file_state, is_url
 from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.output_links import follow_link
+from jotlight.runs.jobs import conversion_record, conversion_text
+from jotlight.runs.records import read_json
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames
 
@@ -76,8 +76,8 @@ def _convert_many(
     """Convert many captures, or one to counts of its windows."""
     from jotlight.cli.runs.capture_jobs import Target, conversion_job
     from jotlight.cli.runs.many import process
-    from jotlight.dask.capture_source import CaptureSource
-    from jotlight.dask.jobs import Job
+    from jotlight.runs.capture_source import CaptureSource
+    from jotlight.runs.jobs import Job
 
     def make_job(target: Target, bits: Bits, source: CaptureSource) -> tuple[Job, list[str]]:
         return conversion_job(target, bits, source, run, to)

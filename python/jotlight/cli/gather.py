@@ -25,9 +25,9 @@ def gather(
     Results that are missing, or have missing parts, are listed. The content of the other ones is
     not compared with their records.
     """
-    from jotlight.dask.gathering import find_unfinished, gather_results
-    from jotlight.dask.shared_runs import check_results, find_runs
-    from jotlight.dask.store import PART
+    from jotlight.runs.gathering import find_unfinished, gather_results
+    from jotlight.runs.shared_runs import check_results, find_runs
+    from jotlight.runs.store import PART
 
     if not folders:
         raise ValueError("gather: expected one folder or more")

@@ -100,9 +100,9 @@ def _reconstruct_many(
     """Reconstruct many captures, or the windows of one."""
     from jotlight.cli.runs.capture_jobs import Target, check_image_name, reconstruction_job
     from jotlight.cli.runs.many import process
-    from jotlight.dask.capture_source import CaptureSource
-    from jotlight.dask.jobs import Job
-    from jotlight.dask.names import find_captures
+    from jotlight.runs.capture_source import CaptureSource
+    from jotlight.runs.jobs import Job
+    from jotlight.runs.names import find_captures
 
     find_captures(data, run.storage_options())  # an error for a glob that matches nothing
     _refuse_options_of_images(outputs, motion, run)

@@ -18,14 +18,14 @@ import numpy.typing as npt
 from jotlight._engine import __version__
 from jotlight.checks import whole_number
 from jotlight.chunks import windows
-from jotlight.dask.chunk_counting import (
+from jotlight.runs.chunk_counting import (
     PART_BYTES,
     count_pieces,
     count_windows,
     image_shape,
     sum_pieces,
 )
-from jotlight.dask.spans import Spans
+from jotlight.runs.spans import Spans
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.lazy import FrameSource, files_of, import_dask_array
 from jotlight.sensing.bits.readings import Readings
@@ -33,7 +33,7 @@ from jotlight.sensing.bits.readings import Readings
 if TYPE_CHECKING:
     import dask.array
 
-    from jotlight.dask.estimator import Estimator
+    from jotlight.runs.estimator import Estimator
 
 MAX_BYTES = 1 << 27
 """Maximum size of the counts of a task, unless those of one window are larger."""

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jotlight.dask.chunk_counting import estimate_tile
-from jotlight.dask.estimator import check_countable, choose_estimator
 from jotlight.dask.pieces import Pieces, check_packed_array
 from jotlight.networks.network import Network
+from jotlight.runs.chunk_counting import estimate_tile
+from jotlight.runs.estimator import check_countable, choose_estimator
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.sensor import Sensor
 

@@ -10,9 +10,9 @@ import pytest
 import zarr
 
 import jotlight as jl
-from jotlight.dask.capture_source import CaptureSource
-from jotlight.dask.jobs import ConversionJob
 from jotlight.images.io import read_image, read_note
+from jotlight.runs.capture_source import CaptureSource
+from jotlight.runs.jobs import ConversionJob
 
 
 def test_videos_have_both_precisions(run, captures):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask.names import find_captures
 from jotlight.formats.opening.locations import expand, files_state, without_companions
+from jotlight.runs.names import find_captures
 
 
 def test_links_to_nothing_in_a_folder_do_not_count(tmp_path):

@@ -101,6 +101,6 @@ def name_output(output: Path, capture: str) -> Path:
     """
     if "{name}" not in output.as_posix():
         return output
-    from jotlight.dask.names import name_captures, name_outputs
+    from jotlight.runs.names import name_captures, name_outputs
 
     return name_outputs(output, name_captures([capture], [capture]))[0]

@@ -8,13 +8,13 @@ from typing import Any
 from jotlight.cli.captures.applied_calibration import record_path
 from jotlight.cli.reports.capture_facts import provenance_rows
 from jotlight.cli.terminal.console import shape_text
-from jotlight.dask.jobs import conversion_record
-from jotlight.dask.records import read_json, read_record
-from jotlight.dask.store import PART, open_finished, open_unfinished
 from jotlight.evaluation.records.records import FORMAT
 from jotlight.formats.files.checksums import file_checksum
 from jotlight.formats.files.safe_paths import check_inside
 from jotlight.images.io import read_image, read_note
+from jotlight.runs.jobs import conversion_record
+from jotlight.runs.records import read_json, read_record
+from jotlight.runs.store import PART, open_finished, open_unfinished
 from jotlight.sensing.parameters.mosaic import Mosaic
 from jotlight.sensing.parameters.provenance import Provenance
 

@@ -11,21 +11,21 @@ from jotlight.cli.options.output_options import ImageOutputOptions
 from jotlight.cli.options.run_options import RunOptions
 from jotlight.cli.reconstruction.inputs import Inputs, Reconstruction
 from jotlight.cli.reconstruction.reconstruction import assumptions
-from jotlight.dask.capture_source import CaptureSource
-from jotlight.dask.estimator import Estimator, check_countable, checked
-from jotlight.dask.jobs import (
+from jotlight.evaluation.records.records import maps_sha256
+from jotlight.formats.writing import choose_output_format
+from jotlight.images.io import image_writer
+from jotlight.networks.planes_network import ColorNetwork
+from jotlight.runs.capture_source import CaptureSource
+from jotlight.runs.estimator import Estimator, check_countable, checked
+from jotlight.runs.jobs import (
     ConversionJob,
     ImageJob,
     Job,
     VideoJob,
     run_record,
 )
-from jotlight.dask.spans import Spans
-from jotlight.dask.store import VideoStore
-from jotlight.evaluation.records.records import maps_sha256
-from jotlight.formats.writing import choose_output_format
-from jotlight.images.io import image_writer
-from jotlight.networks.planes_network import ColorNetwork
+from jotlight.runs.spans import Spans
+from jotlight.runs.store import VideoStore
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.lazy import frames_per_chunk
 from jotlight.sensing.sensor import Sensor

@@ -10,24 +10,24 @@ from jotlight.cli.options.run_options import RunOptions
 from jotlight.cli.runs.capture_jobs import Target, check_video_name
 from jotlight.cli.runs.run_notes import caution_about_moving_scenes, report_notes
 from jotlight.cli.terminal.console import caution, progress, report
-from jotlight.dask.capture_source import CaptureSource
-from jotlight.dask.cluster import connected
-from jotlight.dask.jobs import Job
-from jotlight.dask.names import Part, find_captures, name_captures, name_outputs
-from jotlight.dask.records import AnotherRunError
-from jotlight.dask.running import (
+from jotlight.disk_space import format_bytes
+from jotlight.errors import counted, error_message
+from jotlight.files import check_outputs
+from jotlight.formats.frames.reading_options import ReadingOptions
+from jotlight.formats.opening.locations import is_url
+from jotlight.runs.capture_source import CaptureSource
+from jotlight.runs.cluster import connected
+from jotlight.runs.jobs import Job
+from jotlight.runs.names import Part, find_captures, name_captures, name_outputs
+from jotlight.runs.records import AnotherRunError
+from jotlight.runs.running import (
     Cluster,
     Executor,
     Outcome,
     ThisProcess,
     run_jobs,
 )
-from jotlight.dask.shared_runs import SharedRun
-from jotlight.disk_space import format_bytes
-from jotlight.errors import counted, error_message
-from jotlight.files import check_outputs
-from jotlight.formats.frames.reading_options import ReadingOptions
-from jotlight.formats.opening.locations import is_url
+from jotlight.runs.shared_runs import SharedRun
 from jotlight.sensing.bits.bits import Bits
 
 _MAX_SHOWN = 20

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from jotlight.cli.reports.advice import caution_about_motion, representatives
 from jotlight.cli.terminal.console import report
-from jotlight.dask.jobs import ImageJob, Job, VideoJob
 from jotlight.errors import counted
+from jotlight.runs.jobs import ImageJob, Job, VideoJob
 from jotlight.sensing.bits.frames import frames_within
 from jotlight.sensing.data.alike_frames import repeat_exposures
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jotlight as jl
-from jotlight.dask import streaming
-from jotlight.dask.spans import Spans
-from jotlight.dask.streaming import Checksum, WindowCounter
+from jotlight.runs import streaming
+from jotlight.runs.spans import Spans
+from jotlight.runs.streaming import Checksum, WindowCounter
 from jotlight.sensing.bits.frames import Frames
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from jotlight.dask.records import AnotherRunError
-from jotlight.dask.results import RecordedResult, measure
+from jotlight.runs.records import AnotherRunError
+from jotlight.runs.results import RecordedResult, measure
 
 RUN = {"method": "mle"}
 

@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.dask.image_files import ImageFiles, write_image
-from jotlight.dask.markers import Markers, summarize
-from jotlight.dask.records import ATTRIBUTE, Record, check_same_run, read_json, read_record
 from jotlight.files import create_parent, flush_to_disk, write_file
 from jotlight.formats.files.safe_paths import check_inside
 from jotlight.output_links import follow_link
+from jotlight.runs.image_files import ImageFiles, write_image
+from jotlight.runs.markers import Markers, summarize
+from jotlight.runs.records import ATTRIBUTE, Record, check_same_run, read_json, read_record
 from jotlight.temporary_names import reserve_temporary
 from jotlight.write_errors import explained_creation, explained_failure
 

@@ -13,13 +13,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from jotlight._engine import __version__
-from jotlight.dask.capture_source import CaptureSource
-from jotlight.dask.estimator import Estimator
-from jotlight.dask.records import Record, read_json
-from jotlight.dask.results import RecordedResult, measure
-from jotlight.dask.spans import Spans
-from jotlight.dask.store import VideoStore
-from jotlight.dask.streaming import WindowCounter
 from jotlight.errors import error_message
 from jotlight.evaluation.records.records import FORMAT, tone_facts
 from jotlight.files import atomic_write_together, write_file
@@ -33,6 +26,13 @@ from jotlight.formats.writing import write_capture
 from jotlight.images.io import DISPLAYED, image_writer
 from jotlight.images.tone import display_tone
 from jotlight.output_links import follow_link, name_beside
+from jotlight.runs.capture_source import CaptureSource
+from jotlight.runs.estimator import Estimator
+from jotlight.runs.records import Record, read_json
+from jotlight.runs.results import RecordedResult, measure
+from jotlight.runs.spans import Spans
+from jotlight.runs.store import VideoStore
+from jotlight.runs.streaming import WindowCounter
 from jotlight.sensing.bits.bits import Bits
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from jotlight.dask.shared_runs import SharedRun, check_results, find_runs, read_run
+from jotlight.runs.shared_runs import SharedRun, check_results, find_runs, read_run
 
 
 @pytest.mark.parametrize(

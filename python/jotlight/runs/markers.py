@@ -11,10 +11,10 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from jotlight.dask.records import Record, read_json
-from jotlight.dask.streaming import Checksum
 from jotlight.files import write_file
 from jotlight.formats.files.safe_paths import check_inside
+from jotlight.runs.records import Record, read_json
+from jotlight.runs.streaming import Checksum
 
 _NAME = re.compile(r"(0|[1-9]\d*)\.json")
 

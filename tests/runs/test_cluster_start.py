@@ -11,7 +11,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.cli.app import run
-from jotlight.dask.cluster import connected
+from jotlight.runs.cluster import connected
 
 pytestmark = pytest.mark.slow
 exhaustive = pytest.mark.exhaustive

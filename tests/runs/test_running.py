@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from jotlight._engine import __version__
-from jotlight.dask.cluster import connected
-from jotlight.dask.names import Part
-from jotlight.dask.records import AnotherRunError
-from jotlight.dask.running import ThisProcess, compute_unit, run_jobs
 from jotlight.errors import MissingExtraError, warn
 from jotlight.formats.reading import open_capture
+from jotlight.runs.cluster import connected
+from jotlight.runs.names import Part
+from jotlight.runs.records import AnotherRunError
+from jotlight.runs.running import ThisProcess, compute_unit, run_jobs
 
 
 @dataclasses.dataclass

@@ -9,15 +9,15 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.array_types import Packed
-from jotlight.dask.cluster import check_version
-from jotlight.dask.reporting import naming_worker, warning_client
-from jotlight.dask.spans import Spans
+from jotlight.runs.cluster import check_version
+from jotlight.runs.reporting import naming_worker, warning_client
+from jotlight.runs.spans import Spans
 from jotlight.sensing.bits.bits_checks import checked_oversampling
 from jotlight.sensing.bits.channels import channel_views
 from jotlight.sensing.bits.lazy import FrameSource
 
 if TYPE_CHECKING:
-    from jotlight.dask.estimator import Estimator
+    from jotlight.runs.estimator import Estimator
 
 PART_BYTES = 1 << 27
 """Bytes of the frames that a worker maps or reads at once."""

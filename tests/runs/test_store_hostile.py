@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import zarr
 
-from jotlight.dask.store import VideoStore, open_finished, open_unfinished
+from jotlight.runs.store import VideoStore, open_finished, open_unfinished
 
 RUN = {"method": "mle", "values": "float32"}
 FACTS = {"crc32": "00000000", "bytes": 0, "minimum": 0.0, "maximum": 1.0}

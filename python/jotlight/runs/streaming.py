@@ -8,8 +8,8 @@ import numpy.typing as npt
 from isal import isal_zlib
 
 from jotlight.array_types import Packed
-from jotlight.dask.chunk_counting import add_counts
-from jotlight.dask.spans import Spans
+from jotlight.runs.chunk_counting import add_counts
+from jotlight.runs.spans import Spans
 from jotlight.sensing.bits.bits import Bits
 from jotlight.sensing.bits.frames import Frames
 

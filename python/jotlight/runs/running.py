@@ -9,13 +9,13 @@ from typing import Any, Protocol
 
 from jotlight._engine import __version__
 from jotlight.checks import check_threads
-from jotlight.dask.cluster import check_version
-from jotlight.dask.jobs import Job
-from jotlight.dask.names import Part
-from jotlight.dask.records import AnotherRunError
-from jotlight.dask.reporting import naming_worker
 from jotlight.disk_space import check_disk_space
 from jotlight.errors import error_message, record_warnings, warn
+from jotlight.runs.cluster import check_version
+from jotlight.runs.jobs import Job
+from jotlight.runs.names import Part
+from jotlight.runs.records import AnotherRunError
+from jotlight.runs.reporting import naming_worker
 
 _AHEAD = 4
 """Number of units per thread of the cluster that are submitted ahead of time."""

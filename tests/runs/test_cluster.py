@@ -17,8 +17,8 @@ import pytest
 import jotlight as jl
 from jotlight._engine import __version__
 from jotlight.cli.app import run
-from jotlight.dask.cluster import check_workers, connected
-from jotlight.dask.running import compute_unit
+from jotlight.runs.cluster import check_workers, connected
+from jotlight.runs.running import compute_unit
 
 pytestmark = pytest.mark.slow
 exhaustive = pytest.mark.exhaustive
@@ -108,7 +108,7 @@ def test_lazy_videos_do_not_depend_on_the_number_of_workers(capture, expected, w
 
 
 def test_a_worker_that_is_killed_is_replaced(capture, expected, tmp_path, monkeypatch):
-    from jotlight.dask import running
+    from jotlight.runs import running
 
     output, deaths = tmp_path / "video.zarr", []
     submit = running.Cluster._take
@@ -130,7 +130,7 @@ def test_a_worker_that_is_killed_is_replaced(capture, expected, tmp_path, monkey
 SLOW = """
 import time
 from jotlight.cli.app import main
-from jotlight.dask.store import VideoStore
+from jotlight.runs.store import VideoStore
 
 mark = VideoStore.mark
 

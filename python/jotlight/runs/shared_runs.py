@@ -12,10 +12,10 @@ import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from jotlight.dask.names import NAME_PLACE, name_outputs
-from jotlight.dask.records import Record, read_json
 from jotlight.files import atomic_folder, create_parent, write_file
 from jotlight.formats.opening.locations import is_url
+from jotlight.runs.names import NAME_PLACE, name_outputs
+from jotlight.runs.records import Record, read_json
 
 _FOLDER, _FILE = ".captures-", "captures.json"
 

@@ -9,9 +9,9 @@ import pytest
 import zarr
 
 from folders import file_names
-from jotlight.dask import store as module
-from jotlight.dask.records import AnotherRunError, read_record
-from jotlight.dask.store import VideoStore, open_finished, open_unfinished
+from jotlight.runs import store as module
+from jotlight.runs.records import AnotherRunError, read_record
+from jotlight.runs.store import VideoStore, open_finished, open_unfinished
 
 RUN = {"method": "mle", "values": "float32"}
 FACTS = {"crc32": "00000000", "bytes": 0, "minimum": 0.0, "maximum": 1.0}
@@ -115,7 +115,7 @@ def test_another_process_may_finish_first(tmp_path, monkeypatch):
         if not store.path.exists():
             shutil.copytree(store.part / "video.zarr", store.path, dirs_exist_ok=True)
 
-    monkeypatch.setattr("jotlight.dask.image_files.flush_to_disk", flush)
+    monkeypatch.setattr("jotlight.runs.image_files.flush_to_disk", flush)
     store.finish()
     assert store.is_complete()
     assert not store.part.exists()
@@ -179,7 +179,7 @@ def test_a_stop_while_the_array_is_created_leaves_nothing(tmp_path, monkeypatch,
     def stop(*args, **options):
         raise reason
 
-    monkeypatch.setattr("jotlight.dask.store.write_file", stop)
+    monkeypatch.setattr("jotlight.runs.store.write_file", stop)
     with pytest.raises(reason):
         store_at(tmp_path / "v.zarr").create()
     assert list(tmp_path.iterdir()) == []

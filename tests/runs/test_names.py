@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from jotlight.dask import names
-from jotlight.dask.names import Part, find_captures, name_captures, name_outputs
+from jotlight.runs import names
+from jotlight.runs.names import Part, find_captures, name_captures, name_outputs
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "-1/3", "1/0", "1/3/5", ""])

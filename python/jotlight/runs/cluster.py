@@ -72,7 +72,7 @@ def _local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
 
     settings = {
         "distributed.scheduler.allowed-failures": _MAX_DEATHS,
-        "distributed.worker.preload": ["jotlight.dask.preload"],
+        "distributed.worker.preload": ["jotlight.runs.preload"],
         # The profile interrupts each worker a hundred times per second, and ticks interrupt each
         # process fifty times.
         "distributed.worker.profile.enabled": False,

@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from jotlight.dask.markers import Markers, summarize
+from jotlight.runs.markers import Markers, summarize
 
 FACTS = {"crc32": "00000000", "bytes": 0, "minimum": 0.0, "maximum": 1.0}
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from folders import size_limit
-from jotlight.dask.image_files import ImageFiles, write_image
+from jotlight.runs.image_files import ImageFiles, write_image
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_links_to_images_stay_in_the_folder(files, tmp_path_factory):
 
 @pytest.mark.parametrize("block", [1, 48, 1 << 24])
 def test_checksums_are_compared_in_blocks(files, monkeypatch, block):
-    monkeypatch.setattr("jotlight.dask.image_files._BLOCK_BYTES", block)
+    monkeypatch.setattr("jotlight.runs.image_files._BLOCK_BYTES", block)
     content = bytearray(files.path(12).read_bytes())
     content[7] ^= 1
     files.path(12).write_bytes(content)

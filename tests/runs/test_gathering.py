@@ -3,8 +3,8 @@ import json
 import numpy as np
 import pytest
 
-from jotlight.dask.gathering import find_unfinished, gather_results
-from jotlight.dask.store import VideoStore
+from jotlight.runs.gathering import find_unfinished, gather_results
+from jotlight.runs.store import VideoStore
 
 FACTS = {"crc32": "00000000", "bytes": 0, "minimum": 0.0, "maximum": 1.0}
 

@@ -4,10 +4,10 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from jotlight.dask.records import Record, check_same_run, read_json
 from jotlight.errors import counted
 from jotlight.files import create_parent
 from jotlight.output_links import follow_link
+from jotlight.runs.records import Record, check_same_run, read_json
 
 _ADVICE = "all workers must see the folder of the outputs under the same path"
 

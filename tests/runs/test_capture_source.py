@@ -1,8 +1,8 @@
 import numpy as np
 
 import jotlight as jl
-from jotlight.dask.capture_source import CaptureSource
 from jotlight.formats.frames.reading_options import ReadingOptions
+from jotlight.runs.capture_source import CaptureSource
 
 
 def test_a_process_opens_a_capture_again_that_was_recorded_again(tmp_path):

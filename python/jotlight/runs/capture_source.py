@@ -3,10 +3,10 @@
 import dataclasses
 import functools
 
-from jotlight.dask.records import Record
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.opening.locations import file_state
 from jotlight.formats.opening.opening import read_capture
+from jotlight.runs.records import Record
 from jotlight.sensing.bits.bits import Bits
 
 _KEPT = 4

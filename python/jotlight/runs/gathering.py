@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from jotlight.dask.store import PART, open_unfinished
 from jotlight.errors import error_message
 from jotlight.formats.files.safe_paths import check_inside
 from jotlight.output_links import follow_link
+from jotlight.runs.store import PART, open_unfinished
 
 
 def find_unfinished(folders: Iterable[Path]) -> list[Path]:

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask import jobs as module
-from jotlight.dask.capture_source import CaptureSource
-from jotlight.dask.estimator import choose_estimator
-from jotlight.dask.jobs import ConversionJob, ImageJob
 from jotlight.formats.frames.reading_options import ReadingOptions
 from jotlight.formats.npy.description import description_path
+from jotlight.runs import jobs as module
+from jotlight.runs.capture_source import CaptureSource
+from jotlight.runs.estimator import choose_estimator
+from jotlight.runs.jobs import ConversionJob, ImageJob
 
 RUN = {"capture": "a"}
 
